@@ -1,0 +1,219 @@
+"""The words of the language: what devices say and what is computed from it.
+
+Everything that flows is frozen and typed. Times are integer nanoseconds, absent ones None;
+``raw`` is CLOCK_MONOTONIC_RAW. Units stand in the names.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint16]
+"""An image, H x W, the values right-aligned in 16 bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """When a sample was, on every clock that saw it (report 3.2.6.3; its names in brackets).
+
+    A driver fills in what it knows: the device's and the kernel's stamps untouched, and
+    ``raw_ns``, at first the reading at arrival, which the timebase then refines and completes.
+    """
+
+    raw_ns: int | None = None
+    """CLOCK_MONOTONIC_RAW of this machine (SMR)."""
+    device_ns: int | None = None
+    """The device's own counter, its origin unknown (IITC)."""
+    realtime_ns: int | None = None
+    """CLOCK_REALTIME as the kernel or the driver library stamped it (SRT)."""
+    gps_ns: int | None = None
+    """The last time that the GNSS receiver told, Unix-like (GPS)."""
+    gps_raw_ns: int | None = None
+    """Raw arrival of the first byte of the burst that told it (GMR)."""
+    combined_ns: int | None = None
+    """The report's combined time t_combi."""
+    utc_ns: int | None = None
+    """Our estimate of UTC, Unix-like; None while no source is trusted."""
+    utc_sigma_ns: int | None = None
+    """One standard deviation of ``utc_ns``."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSettings:
+    """The settings in force while a frame was exposed, as far as the camera tells."""
+
+    pixel_format: str = ""
+    """GenICam's name of what the camera sent, such as Mono10p."""
+    exposure_us: float | None = None
+    gain: float | None = None
+    black_level: float | None = None
+    rate_hz: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One complete image of a camera; incomplete ones are a `Loss`, never a frame."""
+
+    camera: str
+    id: int
+    """Counts every image the camera took, also those that never arrived; does not wrap."""
+    stamp: Stamp
+    pixels: Pixels
+    bit_depth: int
+    """1 to 16."""
+    settings: CameraSettings = field(default_factory=CameraSettings)
+
+    @property
+    def topic(self) -> str:
+        return image_topic(self.camera)
+
+
+@dataclass(frozen=True, slots=True)
+class NmeaSentence:
+    """One line of the GNSS receiver, or whatever stood between two lines."""
+
+    stamp: Stamp
+    """``raw_ns`` is the arrival of its first byte."""
+    data: bytes
+    """As it came, line end included."""
+    problem: str = ""
+    """Why it is not a sound sentence: "checksum", "garbage", "cut"; empty if it is sound."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """What one burst of NMEA sentences says together."""
+
+    stamp: Stamp
+    """``raw_ns`` and ``gps_raw_ns``: first byte of the burst; ``gps_ns``: the time it tells."""
+    valid: bool
+    """True if position and time come from satellites now (not estimated, manual or simulated)."""
+    mode: str
+    """The receiver's words: RMC status and mode, GGA quality, such as "A/A/1"."""
+    satellites: int | None = None
+    hdop: float | None = None
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+    """Above mean sea level."""
+    speed_m_s: float | None = None
+    course_deg: float | None = None
+    """Clockwise from true north."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockPair:
+    """The machine's clocks read at one instant, as nearly as that can be done."""
+
+    raw_ns: int
+    monotonic_ns: int
+    realtime_ns: int
+    boottime_ns: int
+    bracket_ns: int
+    """Between the raw readings before and after: no clock was read further apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class UtcTime:
+    """UTC at one raw instant, never without its uncertainty and its source."""
+
+    raw_ns: int
+    utc_ns: int
+    sigma_ns: int
+    source: str
+    """"gnss"; more to come."""
+
+
+class LossCause(StrEnum):
+    """Where a sample was lost."""
+
+    DEVICE = "device"
+    TRANSPORT = "transport"
+    QUEUE = "queue"
+    ENCODER = "encoder"
+    DISK = "disk"
+    POWER = "power"
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Samples of one stream that will never be on disk, with their cause."""
+
+    stream: str
+    """The topic they are missing from."""
+    first_id: int
+    last_id: int
+    """Both inclusive; ``count`` is last - first + 1."""
+    first_raw_ns: int | None
+    last_raw_ns: int | None
+    cause: LossCause
+    detail: str = ""
+
+    @property
+    def count(self) -> int:
+        return self.last_id - self.first_id + 1
+
+
+class DeviceState(StrEnum):
+    """What the supervisor says of a device."""
+
+    ABSENT = "absent"
+    STARTING = "starting"
+    STREAMING = "streaming"
+    SILENT = "silent"
+    FAILING = "failing"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """One device's state at one raw instant."""
+
+    raw_ns: int
+    device: str
+    state: DeviceState
+    reason: str = ""
+    samples: int = 0
+    lost: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """One turn of the lidar: polar points in the scan plane."""
+
+    stamp: Stamp
+    id: int
+    angle_start_rad: float
+    angle_step_rad: float
+    range_m: NDArray[np.float32]
+    """(N,), NaN where there is no echo."""
+    amplitude: NDArray[np.uint16]
+    """(N,), device counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class CanMessage:
+    """One frame on the vehicle bus."""
+
+    stamp: Stamp
+    bus: str
+    arbitration_id: int
+    data: bytes
+    is_extended: bool = False
+    is_remote: bool = False
+    is_error: bool = False
+
+
+Sample = Frame | NmeaSentence | Fix | ClockPair | UtcTime | Loss | Health | Scan | CanMessage
+
+
+def image_topic(camera: str) -> str:
+    """The topic of a camera's frames."""
+    return f"/camera/{camera}/image"
+
+
+def preview_topic(camera: str) -> str:
+    """The topic of a camera's JPEG previews."""
+    return f"/camera/{camera}/preview"
