@@ -71,6 +71,34 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
+class EncodedFrame:
+    """A `Frame` on its way to disk: the pixels as one complete FELICS image."""
+
+    camera: str
+    id: int
+    stamp: Stamp
+    width: int
+    height: int
+    bit_depth: int
+    settings: CameraSettings
+    data: bytes
+    """``FF E8 … FF E9``"""
+
+    @property
+    def topic(self) -> str:
+        return image_topic(self.camera)
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """A small JPEG of a frame, for people."""
+
+    camera: str
+    stamp: Stamp
+    jpeg: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class NmeaSentence:
     """One line of the GNSS receiver, or whatever stood between two lines."""
 
@@ -206,7 +234,35 @@ class CanMessage:
     is_error: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """One event of the recorder itself, as it stands in the drive."""
+
+    raw_ns: int
+    level: str
+    """"info", "warning" or "error"."""
+    name: str
+    """The room or device that speaks."""
+    message: str
+
+
 Sample = Frame | NmeaSentence | Fix | ClockPair | UtcTime | Loss | Health | Scan | CanMessage
+"""What a driver may yield."""
+
+Record = (
+    EncodedFrame
+    | Preview
+    | NmeaSentence
+    | Fix
+    | ClockPair
+    | UtcTime
+    | Loss
+    | Health
+    | LogLine
+    | Scan
+    | CanMessage
+)
+"""What a drive may hold."""
 
 
 def image_topic(camera: str) -> str:

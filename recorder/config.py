@@ -1,0 +1,345 @@
+"""``recorder.toml``: one section per room, typed, validated, frozen.
+
+Every field has a default but the devices themselves, so the smallest useful file is three
+lines. Unknown keys and bad values are refused with the key's path, the value and what would
+be right.
+"""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from recorder.errors import ConfigError
+
+CAMERA_NAMES = ("front", "tag")
+
+
+class Section(BaseModel):
+    """A part of the configuration: frozen, nothing unknown in it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class CameraSection(Section):
+    """One camera."""
+
+    source: str
+    """``genicam://ADDRESS`` (empty address: the first one found), or a video file or image folder."""
+    pixel_format: Literal["auto", "Mono8", "Mono10", "Mono10p", "Mono12", "Mono16"] = "auto"
+    """As GenICam names it; auto takes the deepest that the camera offers, up to ten bits first."""
+    width: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """Columns; the camera's largest if absent."""
+    height: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """Rows; the camera's largest if absent."""
+    rate_hz: Annotated[float, Field(gt=0, le=10_000)] | None = None
+    """Frames a second; the camera's own if absent."""
+    exposure_us: Annotated[float, Field(gt=0, le=1e7)] | None = None
+    """The camera's own if absent."""
+    gain: Annotated[float, Field(ge=0, le=1000)] | None = None
+    """In the camera's own units."""
+    packet_bytes: Annotated[int, Field(ge=576, le=9000)] | None = None
+    """GigE Vision packet size; negotiated if absent."""
+    times: Path | None = None
+    """For a file source: a CSV with the times of its images, column ``time_ns`` or ``time_s``."""
+    realtime: bool = True
+    """For a file source: play at its own pace rather than as fast as it can be stored."""
+
+
+class GnssSection(Section):
+    """The GNSS receiver."""
+
+    source: str
+    """A serial device such as ``/dev/ttyUSB0``, or a recorded NMEA log."""
+    baud: Literal[4800, 9600, 19200, 38400, 57600, 115200] = 4800
+    """Of the serial device; a BU-353 leaves the factory at 4800."""
+    realtime: bool = True
+    """For a log: play at its own pace."""
+
+
+class DriversSection(Section):
+    """Which devices there are."""
+
+    camera: dict[str, CameraSection] = Field(default_factory=dict)
+    """By name: front, tag."""
+    gnss: GnssSection | None = None
+
+    @field_validator("camera")
+    @classmethod
+    def _known_cameras(cls, value: dict[str, CameraSection]) -> dict[str, CameraSection]:
+        for name in value:
+            if name not in CAMERA_NAMES:
+                raise ValueError(f"camera {name!r} is not one of {', '.join(CAMERA_NAMES)}")
+        return value
+
+
+class TimebaseSection(Section):
+    """Clock pairs and GNSS time."""
+
+    pair_seconds: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """How often the machine's clocks are compared."""
+    gnss_delay_ms: Annotated[int, Field(ge=0, le=5000)] = 600
+    """From the instant that a burst of sentences speaks of to its first byte here; not observable
+    without PPS, so given. 0.1 to 1.1 s have been seen."""
+    gnss_delay_sigma_ms: Annotated[int, Field(ge=1, le=5000)] = 300
+    """One standard deviation of ``gnss_delay_ms``."""
+
+
+class CodecSection(Section):
+    """How frames are compressed."""
+
+    model: Literal["felics"] = "felics"
+    k: Literal["trained", "context"] | Annotated[int, Field(ge=0, le=15)] = "trained"
+    """Golomb-Rice parameter: trained on each frame (smallest), by context, or one number (fastest)."""
+    workers: Annotated[int, Field(ge=1, le=64)] = 2
+    """Threads that compress."""
+
+
+class StorageSection(Section):
+    """Where drives go and how they are cut."""
+
+    out: Path = Path("/var/lib/recorder/drives")
+    """The folder that holds the drives."""
+    segment_seconds: Annotated[float, Field(ge=1, le=3600)] = 60.0
+    segment_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = 4 << 30
+    """A segment is closed at whichever comes first."""
+    sync_seconds: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """How often what was written is forced to disk."""
+    queue_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = 512 << 20
+    """Memory between devices and disk; a live device that outruns the disk by more loses frames, stated."""
+    reserve_bytes: Annotated[int, Field(ge=0, le=1 << 40)] = 256 << 20
+    """Free space that recording never eats."""
+
+
+class RealtimeSection(Section):
+    """What is computed while recording."""
+
+    preview_hz: Annotated[float, Field(ge=0, le=10)] = 1.0
+    """JPEG previews a second and camera; 0 switches them off."""
+    preview_width: Annotated[int, Field(ge=64, le=4096)] = 640
+    """Columns at most."""
+    preview_quality: Annotated[int, Field(ge=1, le=100)] = 80
+
+
+class ServiceSection(Section):
+    """The running service."""
+
+    socket: Path | None = None
+    """Of ``recorder status``; ``$RECORDER_SOCKET`` or /run/recorder/status.sock if absent."""
+    retry_seconds: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """First wait before a failed device is tried again; doubles up to ``retry_max_seconds``."""
+    retry_max_seconds: Annotated[float, Field(gt=0, le=600)] = 5.0
+    silent_seconds: Annotated[float, Field(gt=0, le=600)] = 3.0
+    """A device that says nothing for so long is called silent."""
+
+
+class Settings(Section):
+    """The whole configuration."""
+
+    drivers: DriversSection = Field(default_factory=DriversSection)
+    timebase: TimebaseSection = Field(default_factory=TimebaseSection)
+    codec: CodecSection = Field(default_factory=CodecSection)
+    storage: StorageSection = Field(default_factory=StorageSection)
+    realtime: RealtimeSection = Field(default_factory=RealtimeSection)
+    service: ServiceSection = Field(default_factory=ServiceSection)
+
+    @model_validator(mode="after")
+    def _something_to_record(self) -> "Settings":
+        if not self.drivers.camera and self.drivers.gnss is None:
+            raise ValueError("no device: add [drivers.camera.front] or [drivers.gnss] with a source")
+        return self
+
+    def to_json(self) -> str:
+        """The effective configuration, as every segment of a drive carries it."""
+        return json.dumps(self.model_dump(mode="json"), indent=1, sort_keys=True)
+
+
+def load(path: Path) -> Settings:
+    """Read and check a configuration file. Raises `ConfigError` with one line on all that is wrong."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError("no such file", where=str(path), todo="give the path of a recorder.toml") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot be read ({error})", where=str(path)) from error
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"not TOML: {error}", where=str(path)) from error
+    return parse(values, where=str(path))
+
+
+def parse(values: dict[str, Any], *, where: str) -> Settings:
+    """Check values that stand for a file named ``where``. Raises `ConfigError`."""
+    try:
+        return Settings.model_validate(values)
+    except ValidationError as error:
+        lines: dict[str, str] = {}
+        for one in error.errors():
+            key, problem = _explain(dict(one))
+            lines[key] = f"{lines[key]}, or {problem}" if key in lines else problem
+        told = "; ".join(f"{key}: {problem}" if key else problem for key, problem in lines.items())
+        raise ConfigError(told, where=where) from None
+
+
+def _explain(error: dict[str, Any]) -> tuple[str, str]:
+    """One pydantic error as the key with its value, and what would be right."""
+    union_tag = re.compile(r"^(literal\[|constrained-|function-|int$|str$|float$)")
+    path = [str(part) for part in error["loc"] if not union_tag.match(str(part))]
+    key = ".".join(path)
+    if error["type"] == "extra_forbidden":
+        return key, f"unknown key, known here: {', '.join(_known(path[:-1]))}"
+    if error["type"] == "missing":
+        return key, "missing, it must be given"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    if not path:
+        return "", message
+    shown = json.dumps(error["input"], default=str)
+    return f"{key} = {shown if len(shown) < 60 else shown[:57] + '...'}", message
+
+
+def _known_cameras(cls, value: dict[str, CameraSection]) -> dict[str, CameraSection]:
+    for name in value:
+        if name not in CAMERA_NAMES:
+            raise ValueError(f"camera {name!r} is not one of {', '.join(CAMERA_NAMES)}")
+    return value
+
+
+class TimebaseSection(Section):
+    """Clock pairs and GNSS time."""
+
+    pair_seconds: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """How often the machine's clocks are compared."""
+    gnss_delay_ms: Annotated[int, Field(ge=0, le=5000)] = 600
+    """From the instant that a burst of sentences speaks of to its first byte here; not observable
+    without PPS, so given. 0.1 to 1.1 s have been seen."""
+    gnss_delay_sigma_ms: Annotated[int, Field(ge=1, le=5000)] = 300
+    """One standard deviation of ``gnss_delay_ms``."""
+
+
+class CodecSection(Section):
+    """How frames are compressed."""
+
+    model: Literal["felics"] = "felics"
+    k: Literal["trained", "context"] | Annotated[int, Field(ge=0, le=15)] = "trained"
+    """Golomb-Rice parameter: trained on each frame (smallest), by context, or one number (fastest)."""
+    workers: Annotated[int, Field(ge=1, le=64)] = 2
+    """Threads that compress."""
+
+
+class StorageSection(Section):
+    """Where drives go and how they are cut."""
+
+    out: Path = Path("/var/lib/recorder/drives")
+    """The folder that holds the drives."""
+    segment_seconds: Annotated[float, Field(ge=1, le=3600)] = 60.0
+    segment_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = 4 << 30
+    """A segment is closed at whichever comes first."""
+    sync_seconds: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """How often what was written is forced to disk."""
+    queue_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = 512 << 20
+    """Memory between devices and disk; a live device that outruns the disk by more loses frames, stated."""
+    reserve_bytes: Annotated[int, Field(ge=0, le=1 << 40)] = 256 << 20
+    """Free space that recording never eats."""
+
+
+class RealtimeSection(Section):
+    """What is computed while recording."""
+
+    preview_hz: Annotated[float, Field(ge=0, le=10)] = 1.0
+    """JPEG previews a second and camera; 0 switches them off."""
+    preview_width: Annotated[int, Field(ge=64, le=4096)] = 640
+    """Columns at most."""
+    preview_quality: Annotated[int, Field(ge=1, le=100)] = 80
+
+
+class ServiceSection(Section):
+    """The running service."""
+
+    socket: Path | None = None
+    """Of ``recorder status``; ``$RECORDER_SOCKET`` or /run/recorder/status.sock if absent."""
+    retry_seconds: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """First wait before a failed device is tried again; doubles up to ``retry_max_seconds``."""
+    retry_max_seconds: Annotated[float, Field(gt=0, le=600)] = 5.0
+    silent_seconds: Annotated[float, Field(gt=0, le=600)] = 3.0
+    """A device that says nothing for so long is called silent."""
+
+
+class Settings(Section):
+    """The whole configuration."""
+
+    drivers: DriversSection = Field(default_factory=DriversSection)
+    timebase: TimebaseSection = Field(default_factory=TimebaseSection)
+    codec: CodecSection = Field(default_factory=CodecSection)
+    storage: StorageSection = Field(default_factory=StorageSection)
+    realtime: RealtimeSection = Field(default_factory=RealtimeSection)
+    service: ServiceSection = Field(default_factory=ServiceSection)
+
+    @model_validator(mode="after")
+    def _something_to_record(self) -> "Settings":
+        if not self.drivers.camera and self.drivers.gnss is None:
+            raise ValueError("no device: add [drivers.camera.front] or [drivers.gnss] with a source")
+        return self
+
+    def to_json(self) -> str:
+        """The effective configuration, as every segment of a drive carries it."""
+        return json.dumps(self.model_dump(mode="json"), indent=1, sort_keys=True)
+
+
+def load(path: Path) -> Settings:
+    """Read and check a configuration file. Raises `ConfigError` with one line on all that is wrong."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError("no such file", where=str(path), todo="give the path of a recorder.toml") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot be read ({error})", where=str(path)) from error
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"not TOML: {error}", where=str(path)) from error
+    return parse(values, where=str(path))
+
+
+def parse(values: dict[str, Any], *, where: str) -> Settings:
+    """Check values that stand for a file named ``where``. Raises `ConfigError`."""
+    try:
+        return Settings.model_validate(values)
+    except ValidationError as error:
+        lines: dict[str, str] = {}
+        for one in error.errors():
+            key, problem = _explain(dict(one))
+            lines[key] = f"{lines[key]}, or {problem}" if key in lines else problem
+        told = "; ".join(f"{key}: {problem}" if key else problem for key, problem in lines.items())
+        raise ConfigError(told, where=where) from None
+
+
+def _explain(error: dict[str, Any]) -> str:
+    """One pydantic error as: key, value, what would be right."""
+    union_tag = re.compile(r"^(literal|constrained-|function-|int$|str$|float$)")
+    path = [str(part) for part in error["loc"] if not union_tag.match(str(part))]
+    key = ".".join(path) or "the file"
+    if error["type"] == "extra_forbidden":
+        return f"{key}: unknown key, known here: {', '.join(_known(path[:-1]))}"
+    if error["type"] == "missing":
+        return f"{key}: missing, it must be given"
+    message = error["msg"].removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    if not path:
+        return message
+    shown = json.dumps(error["input"], default=str)
+    return f"{key} = {shown if len(shown) < 60 else shown[:57] + '...'}: {message}"
+
+
+def _known(path: list[str]) -> list[str]:
+    """The keys that the section at ``path`` may have."""
+    section: Any = Settings
+    for part in path:
+        if section is DriversSection and part == "camera":
+            return list(CAMERA_NAMES) if path[-1] == "camera" else list(CameraSection.model_fields)
+        section = {"gnss": GnssSection}.get(part) or section.model_fields[part].annotation
+    return list(section.model_fields)
