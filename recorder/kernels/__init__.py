@@ -1,0 +1,31 @@
+"""The compiled kernels: image codec, checksum, pixel formats. None holds the interpreter lock while it works."""
+
+from recorder.kernels._kernels import (
+    FormatError,
+    crc32c,
+    crc32c_portable,
+    felics_decode_into,
+    felics_encode,
+    felics_encode_into,
+    felics_header,
+    felics_largest_encoding,
+    felics_shape,
+    felics_usual_table,
+    find_marker,
+    unpack_mono10p,
+)
+
+__all__ = [
+    "FormatError",
+    "crc32c",
+    "crc32c_portable",
+    "felics_decode_into",
+    "felics_encode",
+    "felics_encode_into",
+    "felics_header",
+    "felics_largest_encoding",
+    "felics_shape",
+    "felics_usual_table",
+    "find_marker",
+    "unpack_mono10p",
+]

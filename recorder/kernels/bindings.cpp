@@ -1,0 +1,191 @@
+// The Python face of the kernels. Every loop runs without the interpreter lock.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "buffer.hpp"
+#include "crc32c.hpp"
+#include "error.hpp"
+#include "felics.hpp"
+#include "scratch.hpp"
+#include "stuffing.hpp"
+#include "unpack.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace recorder {
+namespace {
+
+template <typename T>
+using Image = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+template <typename T, std::size_t N>
+using Output = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+
+struct Job {
+    std::uint32_t width, height, depth;
+    Model model;
+    KTable table;
+    const KTable *table_or_null;
+};
+
+template <typename T>
+void make_job(const Image<T> &image, int depth, int model, const nb::bytes &table, Job &job) {
+    const std::size_t height = image.shape(0), width = image.shape(1);
+    if (width < 1 || width > longest_side || height < 1 || height > longest_side ||
+        std::uint64_t{width} * height > most_pixels)
+        throw nb::value_error("an image is 1 to 65535 pixels wide and high and has at most 2^28 pixels");
+    if (depth < 1 || depth > 16) throw nb::value_error("a bit depth is 1 to 16");
+    if (model != 0 && model != 1) throw nb::value_error("unknown model");
+    if (table.size() != 0 && table.size() != contexts) throw nb::value_error("a table has 17 k");
+    job = {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), static_cast<std::uint32_t>(depth),
+           static_cast<Model>(model), KTable{}, nullptr};
+    if (table.size() == contexts) {
+        std::copy_n(reinterpret_cast<const std::uint8_t *>(table.c_str()), contexts, job.table.begin());
+        for (const std::uint8_t k : job.table)
+            if (k > 15 || k > depth) throw nb::value_error("k is 0 to 15 and at most the bit depth");
+        job.table_or_null = &job.table;
+    }
+}
+
+// Eight-bit images are widened first: the pixel checksum is over 16 bits.
+const std::uint16_t *widen(const std::uint16_t *pixels, std::size_t, Scratch<std::uint16_t> &) { return pixels; }
+const std::uint16_t *widen(const std::uint8_t *pixels, std::size_t count, Scratch<std::uint16_t> &scratch) {
+    std::uint16_t *wide = scratch.reserve(count);
+    std::copy_n(pixels, count, wide);
+    return wide;
+}
+
+template <typename T>
+std::size_t run(const Job &job, const T *pixels, std::uint8_t *target) {
+    thread_local Scratch<std::uint16_t> scratch;
+    const std::uint16_t *wide = widen(pixels, std::size_t{job.width} * job.height, scratch);
+    const std::size_t written = encode(target, wide, job.width, job.height, job.depth, job.model, job.table_or_null);
+    scratch.trim();
+    return written;
+}
+
+template <typename T>
+std::size_t encode_into(const Image<T> &image, Output<std::uint8_t, 1> out, int depth, int model,
+                        const nb::bytes &table) {
+    Job job;
+    make_job(image, depth, model, table, job);
+    if (out.shape(0) < largest_encoding(job.width, job.height, job.depth))
+        throw nb::value_error("the output is smaller than max_encoded_size()");
+    const T *pixels = image.data();
+    std::uint8_t *target = out.data();
+    nb::gil_scoped_release released;
+    return run(job, pixels, target);
+}
+
+template <typename T>
+nb::bytes encode_to_bytes(const Image<T> &image, int depth, int model, const nb::bytes &table) {
+    thread_local Scratch<std::uint8_t> scratch;
+    Job job;
+    make_job(image, depth, model, table, job);
+    const T *pixels = image.data();
+    std::uint8_t *target = nullptr;
+    std::size_t written = 0;
+    {
+        nb::gil_scoped_release released;
+        target = scratch.reserve(largest_encoding(job.width, job.height, job.depth));
+        written = run(job, pixels, target);
+    }
+    nb::bytes result(target, written);
+    scratch.trim();
+    return result;
+}
+
+void decode_into(nb::handle data, Output<std::uint16_t, 2> out) {
+    const Buffer buffer(data);
+    std::uint16_t *pixels = out.data();
+    const std::uint64_t count = out.size();
+    nb::gil_scoped_release released;
+    decode(pixels, count, buffer.data(), buffer.size());
+}
+
+nb::tuple image_shape(nb::handle data) {
+    const Buffer buffer(data);
+    const Header header = parse_image(buffer.data(), buffer.size()).header;
+    return nb::make_tuple(header.height, header.width);
+}
+
+nb::tuple header_fields(nb::handle data) {
+    const Buffer buffer(data);
+    const Header h = parse_header(buffer.data(), buffer.size()).header;
+    nb::list lengths;
+    for (std::uint32_t s = 0; s < h.streams; ++s) lengths.append(h.lengths[s]);
+    const nb::bytes table(h.table.data(), h.model == Model::felics ? contexts : 0u);
+    return nb::make_tuple(format_version, static_cast<int>(h.model), h.depth, h.mask, h.width, h.height, h.checksum,
+                          table, nb::tuple(lengths));
+}
+
+std::size_t find_marker(nb::handle data, std::size_t from) {
+    const Buffer buffer(data);
+    nb::gil_scoped_release released;
+    return next_marker(buffer.data(), buffer.size(), from);
+}
+
+template <std::uint32_t (*Function)(const void *, std::size_t)>
+std::uint32_t checksum(nb::handle data) {
+    const Buffer buffer(data);
+    nb::gil_scoped_release released;
+    return Function(buffer.data(), buffer.size());
+}
+
+nb::bytes usual_table_bytes(int depth) {
+    if (depth < 1 || depth > 16) throw nb::value_error("a bit depth is 1 to 16");
+    const KTable table = usual_table(static_cast<std::uint32_t>(depth));
+    return nb::bytes(table.data(), table.size());
+}
+
+void mono10p(nb::handle data, nb::ndarray<std::uint16_t, nb::c_contig, nb::device::cpu> out) {
+    const Buffer buffer(data);
+    if (buffer.size() != (10 * out.size() + 7) / 8)
+        throw nb::value_error("Mono10p data must have ten bits for every pixel of the output");
+    std::uint16_t *pixels = out.data();
+    const std::size_t count = out.size();
+    nb::gil_scoped_release released;
+    unpack_mono10p(pixels, count, buffer.data());
+}
+
+void translate(const std::exception_ptr &pointer, void *payload) {
+    try {
+        std::rethrow_exception(pointer);
+    } catch (const FormatError &error) {
+        PyObject *arguments = Py_BuildValue("(sn)", error.what, static_cast<Py_ssize_t>(error.offset));
+        if (arguments == nullptr) return;
+        PyErr_SetObject(static_cast<PyObject *>(payload), arguments);
+        Py_DECREF(arguments);
+    } catch (const ArgumentError &error) {
+        PyErr_SetString(PyExc_ValueError, error.what);
+    }
+}
+
+}  // namespace
+}  // namespace recorder
+
+NB_MODULE(_kernels, m) {
+    using namespace recorder;
+    nb::object format_error = nb::steal(PyErr_NewException("recorder.kernels.FormatError", PyExc_ValueError, nullptr));
+    m.attr("FormatError") = format_error;
+    nb::register_exception_translator(translate, format_error.ptr());
+
+    m.def("felics_encode", encode_to_bytes<std::uint16_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a, "table"_a);
+    m.def("felics_encode", encode_to_bytes<std::uint8_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a, "table"_a);
+    m.def("felics_encode_into", encode_into<std::uint16_t>, nb::arg("image").noconvert(), nb::arg("out").noconvert(),
+          "depth"_a, "model"_a, "table"_a);
+    m.def("felics_encode_into", encode_into<std::uint8_t>, nb::arg("image").noconvert(), nb::arg("out").noconvert(),
+          "depth"_a, "model"_a, "table"_a);
+    m.def("felics_largest_encoding", largest_encoding, "width"_a, "height"_a, "depth"_a);
+    m.def("felics_usual_table", usual_table_bytes, "depth"_a);
+    m.def("felics_header", header_fields, "data"_a);
+    m.def("felics_shape", image_shape, "data"_a);
+    m.def("felics_decode_into", decode_into, "data"_a, nb::arg("out").noconvert());
+    m.def("find_marker", find_marker, "data"_a, "start"_a);
+    m.def("crc32c", checksum<crc32c>, "data"_a);
+    m.def("crc32c_portable", checksum<crc32c_portable>, "data"_a);
+    m.def("unpack_mono10p", mono10p, "data"_a, nb::arg("out").noconvert());
+}

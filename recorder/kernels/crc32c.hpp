@@ -1,0 +1,15 @@
+// CRC-32C (Castagnoli, RFC 3720 appendix B.4): reflected polynomial 0x82F63B78, initial and final value all ones.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace recorder {
+
+// The CRC-32C of `size` bytes; with the SSE4.2 instruction where the processor has it.
+std::uint32_t crc32c(const void *data, std::size_t size);
+
+// The same by tables alone, on every machine.
+std::uint32_t crc32c_portable(const void *data, std::size_t size);
+
+}  // namespace recorder

@@ -1,0 +1,150 @@
+#include <algorithm>
+#include <cstring>
+
+#include "crc32c.hpp"
+#include "error.hpp"
+#include "felics.hpp"
+#include "scratch.hpp"
+#include "stuffing.hpp"
+
+namespace recorder {
+namespace {
+
+constexpr std::size_t store_slack = 8;  // BitWriter stores 8 bytes at a time
+using Writers = std::array<BitWriter, written_streams>;
+
+std::uint64_t packed_size(const Header &header) {
+    std::uint64_t sum = 0;
+    for (std::uint32_t s = 0; s < header.streams; ++s) sum += (header.pixels_of(s) * header.depth + 7) / 8;
+    return sum;
+}
+
+// Room for each stream at `bits` per pixel, one after another; returns where each begins.
+std::array<std::size_t, written_streams + 1> lay_out(const Header &header, std::uint32_t bits) {
+    std::array<std::size_t, written_streams + 1> begins{};
+    for (std::uint32_t s = 0; s < written_streams; ++s)
+        begins[s + 1] = begins[s] + static_cast<std::size_t>((header.pixels_of(s) * bits + 7) / 8) + store_slack;
+    return begins;
+}
+
+void check_row(const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
+    std::uint16_t seen = 0;
+    for (std::uint32_t x = 0; x < width; ++x) seen = static_cast<std::uint16_t>(seen | row[x]);
+    if ((std::uint32_t{seen} >> depth) != 0) throw ArgumentError{"a pixel value above the bit depth"};
+}
+
+// One row of the model felics. `first` stands for both neighbours of row[0]; `tops` are the upper
+// neighbours of row[1], row[2] and so on.
+void encode_row(BitWriter &writer, const std::uint16_t *row, const std::uint16_t *tops, std::uint32_t first,
+                std::uint32_t width, const KTable &table, std::uint32_t depth) {
+    BitWriter out = writer;
+    const Code start = encode_pixel(row[0], first, first, table, depth);
+    out.append(start.value, start.length);
+    std::uint32_t x = 1;
+    for (; x + 1 < width; x += 2) {
+        // Two codes of at most 26 bits go out together: appending is the one serial chain.
+        const Code a = encode_pixel(row[x], row[x - 1], tops[x - 1], table, depth);
+        const Code b = encode_pixel(row[x + 1], row[x], tops[x], table, depth);
+        out.append((a.value << b.length) | b.value, a.length + b.length);
+    }
+    if (x < width) {
+        const Code last = encode_pixel(row[x], row[x - 1], tops[x - 1], table, depth);
+        out.append(last.value, last.length);
+    }
+    writer = out;
+}
+
+void pack_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
+    BitWriter out = writer;
+    for (std::uint32_t x = 0; x < width; ++x) out.append(row[x], depth);
+    writer = out;
+}
+
+void encode_rows(Writers &writers, const std::uint16_t *pixels, const Header &header) {
+    for (std::uint32_t y = 0; y < header.height; ++y) {
+        const std::uint16_t *row = pixels + std::size_t{y} * header.width;
+        BitWriter &writer = writers[y % written_streams];
+        if (header.model == Model::raw) {
+            pack_row(writer, row, header.width, header.depth);
+            continue;
+        }
+        // In the topmost row the left neighbour stands for the upper one.
+        const std::uint16_t *tops = y > 0 ? row - header.width + 1 : row;
+        const std::uint32_t first = y > 0 ? tops[-1] : 1u << (header.depth - 1u);
+        encode_row(writer, row, tops, first, header.width, header.table, header.depth);
+    }
+}
+
+// The mask that turns the rarest byte of the payload into FF: at most one byte in 256 is stuffed.
+std::uint8_t rarest_mask(const std::uint8_t *payload, std::size_t size) {
+    std::array<std::size_t, 256> counts{};
+    for (std::size_t i = 0; i < size; ++i) ++counts[payload[i]];
+    const auto rarest = std::min_element(counts.begin(), counts.end()) - counts.begin();
+    return static_cast<std::uint8_t>(rarest ^ marker_prefix);
+}
+
+std::size_t frame(std::uint8_t *target, Header &header, const std::uint8_t *payload, std::size_t size) {
+    const auto fill = [&](std::uint8_t mask) -> std::size_t {
+        std::array<std::uint8_t, largest_written_header> plain;
+        std::uint8_t *out = target;
+        header.mask = mask;
+        *out++ = marker_prefix;
+        *out++ = start_of_image;
+        out += stuff(out, plain.data(), write_header(plain.data(), header), 0, plain.size());
+        const std::size_t body = stuff(out, payload, size, mask, size / 256);
+        if (body == 0) return 0;
+        out += body;
+        *out++ = marker_prefix;
+        *out++ = end_of_image;
+        return static_cast<std::size_t>(out - target);
+    };
+    const std::size_t written = fill(usual_mask);
+    return written != 0 ? written : fill(rarest_mask(payload, size));
+}
+
+}  // namespace
+
+std::size_t largest_encoding(std::uint32_t width, std::uint32_t height, std::uint32_t depth) {
+    const std::uint64_t pixels = std::uint64_t{width} * height;
+    const std::uint64_t payload = (pixels * depth + 7) / 8 + written_streams;  // each stream is padded
+    return static_cast<std::size_t>(2 * marker_size + 2 * largest_written_header + payload + payload / 256);
+}
+
+std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint32_t width, std::uint32_t height,
+                   std::uint32_t depth, Model model, const KTable *table) {
+    thread_local Scratch<std::uint8_t> scratch;
+    for (std::uint32_t y = 0; y < height; ++y) check_row(pixels + std::size_t{y} * width, width, depth);
+
+    Header header;
+    header.model = model;
+    header.depth = static_cast<std::uint8_t>(depth);
+    header.width = width;
+    header.height = height;
+    header.checksum = crc32c(pixels, std::size_t{width} * height * sizeof *pixels);
+    if (model == Model::felics) header.table = table ? *table : train_table(pixels, width, height, depth);
+
+    std::uint8_t *streams = nullptr;
+    std::array<std::size_t, written_streams + 1> begins;
+    for (;;) {
+        begins = lay_out(header, header.model == Model::raw ? depth : longest_code(depth));
+        streams = scratch.reserve(begins.back());
+        Writers writers;
+        for (std::uint32_t s = 0; s < written_streams; ++s) writers[s] = BitWriter(streams + begins[s]);
+        encode_rows(writers, pixels, header);
+        for (std::uint32_t s = 0; s < written_streams; ++s)
+            header.lengths[s] = static_cast<std::uint32_t>(writers[s].size());
+        if (header.model == Model::raw || header.payload() + contexts <= packed_size(header)) break;
+        header.model = Model::raw;  // noise: the samples as they are need less
+    }
+    // Closes the gaps between the streams, so that the payload is one piece.
+    std::size_t size = 0;
+    for (std::uint32_t s = 0; s < written_streams; ++s) {
+        std::memmove(streams + size, streams + begins[s], header.lengths[s]);
+        size += header.lengths[s];
+    }
+    const std::size_t written = frame(target, header, streams, size);
+    scratch.trim();
+    return written;
+}
+
+}  // namespace recorder
