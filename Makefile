@@ -1,0 +1,42 @@
+# Two commands: `make demo` records a demo drive, `make test` runs the tests.
+PYTHON ?= python3
+BIN := .venv/bin
+SOURCES := pyproject.toml CMakeLists.txt $(wildcard recorder/kernels/*.cpp recorder/kernels/*.hpp) \
+           $(shell find recorder -type d -not -name __pycache__)
+# the GenICam driver's bindings are built where the libraries for it are there; the demo does without
+ARAVIS := $(shell pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null && ls /usr/lib/*/girepository-1.0/Aravis-0.8.typelib >/dev/null 2>&1 && echo aravis)
+
+.PHONY: demo test lint bench proto clean
+demo: .venv/demo.stamp
+	$(BIN)/recorder demo
+
+test: .venv/test.stamp
+	$(BIN)/pytest
+
+lint: .venv/test.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: .venv/test.stamp
+	$(BIN)/python tools/bench_all.py
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: make PYTHON=python3.11 ..." >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/demo.stamp: $(SOURCES) tools/debian_packages.sh
+	@tools/debian_packages.sh demo $(PYTHON)
+	@$(MAKE) --no-print-directory .venv/bin/python
+	$(BIN)/pip install -q --disable-pip-version-check -e '.[$(ARAVIS)]'
+	@touch $@
+
+.venv/test.stamp: $(SOURCES) tools/debian_packages.sh
+	@tools/debian_packages.sh test $(PYTHON)
+	@$(MAKE) --no-print-directory .venv/bin/python
+	$(BIN)/pip install -q --disable-pip-version-check -e '.[test,aravis]'
+	@touch $@ .venv/demo.stamp
+
+clean:
+	rm -rf .venv build .mypy_cache .ruff_cache .pytest_cache

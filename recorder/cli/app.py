@@ -1,0 +1,52 @@
+"""All commands together, and what becomes of their errors."""
+
+import json
+import os
+import sys
+
+import click
+import typer
+
+from recorder.cli import commands_drive, commands_record, commands_service
+from recorder.errors import RecorderError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Records a train's cameras and GNSS receiver: lossless, every stamp and every gap accounted for.",
+    epilog="Exit codes: 0 done, sound or healthy; 1 failed, damaged or degraded; 2 bad input; 3 not running.",
+)
+commands_record.register(app)
+commands_service.register(app)
+commands_drive.register(app)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run one command and exit with its code; an error becomes one line on standard error."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    sys.exit(_run(arguments))
+
+
+def _run(arguments: list[str]) -> int:
+    try:
+        code = app(arguments, standalone_mode=False)
+        sys.stdout.flush()
+    except RecorderError as error:
+        return _fail(str(error), error.exit_code, arguments)
+    except click.ClickException as error:
+        return _fail(error.format_message(), 2, arguments)
+    except (KeyboardInterrupt, click.Abort):
+        return _fail("interrupted", 1, arguments)
+    except BrokenPipeError:
+        # the reader of our output has gone (a pager, head): not an error, but nothing more may be written
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return int(code or 0)
+
+
+def _fail(line: str, code: int, arguments: list[str]) -> int:
+    if "--json" in arguments:
+        print(json.dumps({"error": line, "exit_code": code}))
+    print(f"recorder: {line}", file=sys.stderr)
+    return code

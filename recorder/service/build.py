@@ -1,0 +1,53 @@
+"""From the configuration to the drivers it names."""
+
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+
+from recorder.clock import Clock
+from recorder.config import CameraSection, GnssSection, Settings
+from recorder.drivers.base import Driver
+from recorder.drivers.file_camera import FileCamera
+from recorder.drivers.genicam import GenicamCamera
+from recorder.drivers.gnss import GnssReceiver
+from recorder.drivers.merged import Merged
+from recorder.drivers.nmea_log import NmeaLog
+
+
+def build_drivers(settings: Settings, *, clock: Clock) -> Sequence[Driver]:
+    """One driver a device. Files start at the same instant; those that are not paced are
+    merged into one, so that a fast replay interleaves them as they happened."""
+    origin_raw_ns = clock.raw_ns()
+    paced: list[Driver] = []
+    fast: list[Driver] = []
+    for name, camera in settings.drivers.camera.items():
+        driver = _camera(name, camera, origin_raw_ns, clock)
+        (paced if driver.live or camera.realtime else fast).append(driver)
+    gnss = settings.drivers.gnss
+    if gnss is not None:
+        driver = _gnss(gnss, origin_raw_ns, clock)
+        (paced if driver.live or gnss.realtime else fast).append(driver)
+    return [*paced, *([Merged(fast)] if len(fast) > 1 else fast)]
+
+
+def _camera(name: str, settings: CameraSection, origin_raw_ns: int, clock: Clock) -> Driver:
+    if settings.source.startswith("genicam:"):
+        return GenicamCamera(name, settings, clock=clock)
+    return FileCamera(name, settings, origin_raw_ns=origin_raw_ns, clock=clock)
+
+
+def _gnss(settings: GnssSection, origin_raw_ns: int, clock: Clock) -> Driver:
+    path = Path(settings.source.removeprefix("serial://"))
+    if is_serial(settings.source):
+        return GnssReceiver(settings.model_copy(update={"source": str(path)}), clock=clock)
+    return NmeaLog(path, origin_raw_ns=origin_raw_ns, realtime=settings.realtime, clock=clock)
+
+
+def is_serial(source: str) -> bool:
+    """A serial device rather than a file: named so, or a character device, or under /dev."""
+    if source.startswith(("serial://", "/dev/")):
+        return True
+    try:
+        return stat.S_ISCHR(Path(source).stat().st_mode)
+    except OSError:
+        return False

@@ -1,0 +1,106 @@
+"""``recorder status``: one JSON object per connection on a Unix socket."""
+
+import contextlib
+import json
+import os
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from recorder.errors import NotRunning, RecorderError
+
+DEFAULT_SOCKET = Path("/run/recorder/status.sock")
+_TIMEOUT_S = 2.0
+
+
+def socket_path(configured: Path | None = None) -> Path:
+    """Where the status socket is: ``$RECORDER_SOCKET``, else as configured, else the default."""
+    told = os.environ.get("RECORDER_SOCKET", "")
+    return Path(told) if told else configured or DEFAULT_SOCKET
+
+
+def read_status(path: Path) -> dict[str, Any]:
+    """Ask a running service. Raises `NotRunning` if nobody answers with a status."""
+    todo = "start it with: recorder run --config recorder.toml"
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+            link.settimeout(_TIMEOUT_S)
+            link.connect(str(path))
+            told = b"".join(iter(lambda: link.recv(65536), b""))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise NotRunning(f"no recorder answers ({reason})", where=str(path), todo=todo) from None
+    try:
+        status = json.loads(told)
+    except ValueError:
+        raise NotRunning("what answers is no recorder", where=str(path), todo=todo) from None
+    if not isinstance(status, dict):
+        raise NotRunning("what answers is no recorder", where=str(path), todo=todo)
+    return status
+
+
+class StatusServer:
+    """Answers on the socket, in its own thread; nothing waits for it.
+
+    Each connection gets the object that ``status`` returns and is closed; a client that does
+    not read within two seconds is dropped. Nothing a client sends is read.
+    """
+
+    def __init__(self, path: Path, status: Callable[[], dict[str, Any]]) -> None:
+        self.path = path
+        self._status = status
+        self._stop = threading.Event()
+        self._socket: socket.socket | None = None
+        self._thread = threading.Thread(target=self._serve, name="status")
+
+    def start(self) -> None:
+        """Raises `RecorderError` if another recorder answers there or the socket cannot be made."""
+        try:
+            read_status(self.path)
+        except NotRunning:
+            pass
+        else:
+            raise RecorderError("another recorder is running", where=str(self.path), todo="stop it first")
+        server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            if self.path.is_socket():
+                self.path.unlink()  # left behind by a crash: nobody answered above
+            server.bind(str(self.path))
+            self.path.chmod(0o660)
+            server.listen(8)
+            server.settimeout(0.2)
+        except OSError as error:
+            server.close()
+            raise RecorderError(
+                f"status socket cannot be made ({error.strerror or error})",
+                where=str(self.path),
+                todo="set service.socket or RECORDER_SOCKET to a path that can be written",
+            ) from None
+        self._socket = server
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        if self._socket is None:
+            return
+        self._thread.join()
+        self._socket.close()
+        self._socket = None
+        with contextlib.suppress(OSError):
+            self.path.unlink()
+
+    def _serve(self) -> None:
+        assert self._socket is not None
+        while not self._stop.is_set():
+            try:
+                link, _ = self._socket.accept()
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            with link, contextlib.suppress(OSError):
+                link.settimeout(_TIMEOUT_S)
+                link.sendall(json.dumps(self._status()).encode() + b"\n")

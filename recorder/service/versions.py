@@ -1,0 +1,16 @@
+"""Which software recorded: what a drive says of its maker."""
+
+import platform
+from importlib.metadata import version
+
+_LIBRARIES = ("recorder", "numpy", "opencv-python-headless", "mcap", "protobuf", "pyserial", "pynmeagps")
+
+
+def versions() -> dict[str, str]:
+    """Versions of ourselves, the libraries on the recording path, Python and the kernel."""
+    return {
+        **{name: version(name) for name in _LIBRARIES},
+        "python": platform.python_version(),
+        "kernel": platform.release(),
+        "machine": platform.machine(),
+    }

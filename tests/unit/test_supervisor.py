@@ -1,0 +1,152 @@
+"""A device's thread: states, retries, counting, one-shot."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+from recorder.clock import SYSTEM_CLOCK
+from recorder.config import ServiceSection
+from recorder.errors import DeviceAbsent, DeviceLost
+from recorder.samples import DeviceState, Frame, Health, Loss, Sample, Stamp
+from recorder.service.supervisor import Policy, Supervisor
+
+SETTINGS = ServiceSection(retry_seconds=0.01, retry_max_seconds=0.02, silent_seconds=0.1)
+
+
+class Scripted:
+    """A driver that does what each of its sessions says."""
+
+    live = True
+
+    def __init__(self, *sessions: Callable[[], Iterator[Sample | None]]) -> None:
+        self.name = "front"
+        self._sessions = list(sessions)
+        self.closed = 0
+
+    def open(self) -> None:
+        if not self._sessions:
+            raise DeviceAbsent("nothing answers", where="here")
+
+    def samples(self) -> Iterator[Sample | None]:
+        return self._sessions.pop(0)()
+
+    def describe(self) -> Mapping[str, str]:
+        return {"model": "scripted"}
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def frames(count: int, then: Exception | None = None) -> Callable[[], Iterator[Sample | None]]:
+    def session() -> Iterator[Sample | None]:
+        for number in range(count):
+            time.sleep(0.002)
+            stamp = Stamp(raw_ns=SYSTEM_CLOCK.raw_ns())
+            yield Frame("front", number, stamp, np.zeros((1, 1), np.uint16), 10)
+        if then is not None:
+            raise then
+
+    return session
+
+
+class Watch:
+    """Runs a supervisor and keeps what it says."""
+
+    def __init__(self, driver: Scripted, *, retry: bool) -> None:
+        self.samples: list[Sample] = []
+        self.states: list[Health] = []
+        self.stop, go = threading.Event(), threading.Event()
+        go.set()
+        self.supervisor = Supervisor(
+            driver,
+            take=lambda sample, live: self.samples.append(sample),
+            tell=self.states.append,
+            settings=SETTINGS,
+            policy=Policy(retry=retry),
+            stop=self.stop,
+            go=go,
+            clock=SYSTEM_CLOCK,
+        )
+        self.supervisor.start()
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + 5
+        while not condition():
+            assert time.monotonic() < end, [str(state) for state in self.states]
+            time.sleep(0.005)
+
+    def end(self) -> None:
+        self.stop.set()
+        self.supervisor.join()
+
+    def said(self) -> list[DeviceState]:
+        return [health.state for health in self.states]
+
+
+def test_a_source_that_ends_is_ended() -> None:
+    driver = Scripted(frames(3))
+    watch = Watch(driver, retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert watch.said() == [DeviceState.STARTING, DeviceState.STREAMING, DeviceState.ENDED]
+    assert len(watch.samples) == 3
+    assert driver.closed == 1
+    assert watch.supervisor.description == {"model": "scripted"}
+
+
+def test_a_device_that_fails_is_opened_again_and_what_it_missed_is_stated() -> None:
+    watch = Watch(Scripted(frames(20, DeviceLost("unplugged")), frames(20)), retry=True)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert DeviceState.FAILING in watch.said()
+    ids = [sample.id for sample in watch.samples if isinstance(sample, Frame)]
+    losses = [sample for sample in watch.samples if isinstance(sample, Loss)]
+    stated = [number for loss in losses for number in range(loss.first_id, loss.last_id + 1)]
+    assert sorted(ids + stated) == list(range(ids[-1] + 1))
+    assert any("unplugged" in health.reason for health in watch.states)
+
+
+def test_an_absent_device_is_tried_for_ever() -> None:
+    watch = Watch(Scripted(), retry=True)
+    watch.until(lambda: watch.said().count(DeviceState.ABSENT) >= 4)
+    assert not watch.supervisor.finished.is_set()
+    watch.end()
+
+
+def test_one_shot_keeps_the_first_error_and_ends() -> None:
+    watch = Watch(Scripted(), retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert isinstance(watch.supervisor.failure, DeviceAbsent)
+    assert watch.supervisor.ready.is_set()
+
+
+def test_a_drivers_bug_is_a_failing_device_not_a_dead_thread() -> None:
+    watch = Watch(Scripted(frames(1, ZeroDivisionError("oops")), frames(2)), retry=True)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert any("unexpected ZeroDivisionError" in health.reason for health in watch.states)
+    assert watch.said()[-1] is DeviceState.ENDED
+
+
+def test_silence_is_noticed_and_its_end_too() -> None:
+    def session() -> Iterator[Sample | None]:
+        yield from frames(1)()
+        end = time.monotonic() + 0.3
+        while time.monotonic() < end:
+            time.sleep(0.02)
+            yield None
+        yield from frames(1)()
+
+    watch = Watch(Scripted(session), retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert watch.said() == [
+        DeviceState.STARTING,
+        DeviceState.STREAMING,
+        DeviceState.SILENT,
+        DeviceState.STREAMING,
+        DeviceState.ENDED,
+    ]
