@@ -68,13 +68,11 @@ def encode_into(
     """
     if out.dtype != np.uint8 or out.ndim != 1 or not out.flags.c_contiguous or not out.flags.writeable:
         raise ValueError("the output must be a writable contiguous 1-D array of uint8")
-    return kernels.felics_encode_into(
-        _checked(image), out, bit_depth, _model_id(model), _table(k, bit_depth)
-    )
+    return kernels.felics_encode_into(_checked(image), out, bit_depth, _model_id(model), _table(k, bit_depth))
 
 
 def max_encoded_size(width: int, height: int, bit_depth: int = 10) -> int:
-    """The most bytes that any image of this shape takes: its packed size, 0.4 % and a header."""
+    """The most bytes that any image of this shape takes: its packed size, 0.8 % and a header."""
     _check_depth(bit_depth)
     return kernels.felics_largest_encoding(width, height, bit_depth)
 
@@ -104,9 +102,7 @@ def read_header(data: Buffer) -> FelicsHeader:
         version, model, depth, xor, width, height, checksum, table, lengths = kernels.felics_header(data)
     except kernels.FormatError as fault:
         raise _codec_error(fault) from None
-    return FelicsHeader(
-        version, _MODELS[model], depth, xor, width, height, checksum, tuple(table), lengths
-    )
+    return FelicsHeader(version, _MODELS[model], depth, xor, width, height, checksum, tuple(table), lengths)
 
 
 def _codec_error(fault: kernels.FormatError) -> CodecError:

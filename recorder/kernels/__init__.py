@@ -1,4 +1,4 @@
-"""The compiled kernels: image codec, checksum, pixel formats. None holds the interpreter lock while it works."""
+"""The compiled kernels: image codec, checksum, pixel formats. They work without the interpreter lock."""
 
 from recorder.kernels._kernels import (
     FormatError,

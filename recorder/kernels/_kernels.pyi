@@ -13,7 +13,7 @@ class FormatError(ValueError):
     args: tuple[str, int]
 
 def felics_encode(image: _Image, depth: int, model: int, table: bytes) -> bytes:
-    """One whole image of C-contiguous (H, W) pixels; ``table`` is 17 k, or empty to train one. Raises ValueError."""
+    """One whole image of C-contiguous (H, W) pixels; ``table``: 17 k, or empty: trained. Raises ValueError."""
 
 def felics_encode_into(image: _Image, out: NDArray[np.uint8], depth: int, model: int, table: bytes) -> int:
     """felics_encode into an array of at least felics_largest_encoding bytes; returns the bytes written."""
@@ -31,10 +31,10 @@ def felics_shape(data: _Buffer) -> tuple[int, int]:
     """(H, W) of an image whose frame, header and lengths agree. Raises FormatError."""
 
 def felics_decode_into(data: _Buffer, out: NDArray[np.uint16]) -> None:
-    """Decodes into a C-contiguous array of the image's shape. Raises FormatError, or ValueError for the shape."""
+    """Decodes into a C-contiguous array of the image's shape. Raises FormatError or ValueError."""
 
 def find_marker(data: _Buffer, start: int) -> int:
-    """The position of the next FF E8 or FF E9 at or after ``start``; the length of the data if there is none."""
+    """The position of the next FF E8 or FF E9 at or after ``start``, or the length of the data."""
 
 def crc32c(data: _Buffer) -> int:
     """CRC-32C (Castagnoli) of the bytes, with the processor's instruction where there is one."""

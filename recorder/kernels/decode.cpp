@@ -1,5 +1,6 @@
 #include <cstring>
 
+#include "cpu.hpp"
 #include "crc32c.hpp"
 #include "error.hpp"
 #include "felics.hpp"
@@ -31,7 +32,7 @@ struct Row {
           tops(y > 0 ? pixels - h.width + 1 : pixels),
           bit(cursor.bit) {}
 
-    void step(const std::uint8_t *payload, std::uint32_t x, std::uint32_t top, const Header &h) {
+    [[gnu::always_inline]] void step(const std::uint8_t *payload, std::uint32_t x, std::uint32_t top, const Header &h) {
         const Decoded pixel = decode_pixel(peek(payload, bit), left, top, h.table, h.depth);
         left = pixel.value & 0xFFFFu;
         pixels[x] = static_cast<std::uint16_t>(left);
@@ -39,11 +40,47 @@ struct Row {
         wrong |= pixel.wrong;
     }
     // The first pixel: `first` stands for both neighbours.
-    void start(const std::uint8_t *payload, std::uint32_t first, const Header &h) {
+    [[gnu::always_inline]] void start(const std::uint8_t *payload, std::uint32_t first, const Header &h) {
         left = first;
         step(payload, 0, first, h);
     }
 };
+
+// Two rows of different streams; the lower follows one pixel behind the upper, so that the latency of
+// one is spent on the other.
+[[gnu::always_inline]] inline void decode_pair(Row &upper_row, Row &lower_row, const std::uint8_t *payload,
+                                               std::uint32_t first, const Header &header) {
+    Row upper = upper_row, lower = lower_row;
+    const Header &h = header;
+    upper.start(payload, first, h);
+    std::uint32_t top = upper.left;
+    if (h.width > 1) {
+        upper.step(payload, 1, upper.tops[0], h);
+        lower.start(payload, top, h);
+        for (std::uint32_t x = 2; x < h.width; ++x) {
+            top = upper.left;
+            upper.step(payload, x, upper.tops[x - 1], h);
+            lower.step(payload, x - 1, top, h);
+        }
+        lower.step(payload, h.width - 1, upper.left, h);
+    } else {
+        lower.start(payload, top, h);
+    }
+    upper_row = upper;
+    lower_row = lower;
+}
+
+using DecodePair = void (*)(Row &, Row &, const std::uint8_t *, std::uint32_t, const Header &);
+
+void decode_pair_anywhere(Row &upper, Row &lower, const std::uint8_t *payload, std::uint32_t first,
+                          const Header &header) {
+    decode_pair(upper, lower, payload, first, header);
+}
+
+RECORDER_WIDE void decode_pair_wide(Row &upper, Row &lower, const std::uint8_t *payload, std::uint32_t first,
+                                    const Header &header) {
+    decode_pair(upper, lower, payload, first, header);
+}
 
 class Decoder {
   public:
@@ -93,24 +130,9 @@ class Decoder {
         finish(row, y);
     }
 
-    // Rows y and y + 1 stand in different streams; the lower follows one pixel behind the upper, so
-    // that the latency of one is spent on the other.
     void decode_two(std::uint32_t y) {
         Row upper(image_, y, h_, cursor_of(y)), lower(image_, y + 1, h_, cursor_of(y + 1));
-        upper.start(payload_, first_of(upper, y), h_);
-        std::uint32_t top = upper.left;
-        if (h_.width > 1) {
-            upper.step(payload_, 1, upper.tops[0], h_);
-            lower.start(payload_, top, h_);
-            for (std::uint32_t x = 2; x < h_.width; ++x) {
-                top = upper.left;
-                upper.step(payload_, x, upper.tops[x - 1], h_);
-                lower.step(payload_, x - 1, top, h_);
-            }
-            lower.step(payload_, h_.width - 1, upper.left, h_);
-        } else {
-            lower.start(payload_, top, h_);
-        }
+        decode_pair_(upper, lower, payload_, first_of(upper, y), h_);
         finish(upper, y);
         finish(lower, y + 1);
     }
@@ -146,6 +168,7 @@ class Decoder {
     std::uint16_t *image_;
     const std::uint8_t *payload_;
     const Header &h_;
+    const DecodePair decode_pair_ = has_wide() ? decode_pair_wide : decode_pair_anywhere;
     std::array<Cursor, most_streams> cursors_;
 };
 

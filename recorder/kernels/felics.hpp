@@ -18,7 +18,7 @@ constexpr std::size_t marker_size = 2;
 constexpr std::size_t header_fixed_size = 22;  // version .. table length
 constexpr std::size_t largest_written_header = header_fixed_size + contexts + 4 * written_streams + 4;
 
-// Makes FF the rarest of bytes in the payload of noisy 10-bit pictures (docs/felics.md, "Stuffing").
+// Makes FF the rarest byte in the payload of noisy 10-bit pictures (docs/felics.md, "Stuffing").
 constexpr std::uint8_t usual_mask = 0x3C;
 
 enum class Model : std::uint8_t { raw = 0, felics = 1 };

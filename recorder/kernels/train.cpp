@@ -15,7 +15,7 @@ void add_row(Costs &costs, const std::uint16_t *row, const std::uint16_t *tops, 
              std::uint32_t depth, std::uint32_t ks) {
     for (std::uint32_t x = 1; x < width; ++x) {
         const std::uint32_t left = row[x - 1], top = tops[x - 1], value = row[x];
-        const Interval in(left, top);
+        const Interval<floor_log2> in(left, top);
         if (value - in.low < in.size) continue;
         const std::uint32_t distance = value > in.high ? value - in.high - 1u : in.low - value - 1u;
         for (std::uint32_t k = 0; k < ks; ++k) {
@@ -28,7 +28,7 @@ void add_row(Costs &costs, const std::uint16_t *row, const std::uint16_t *tops, 
 }  // namespace
 
 KTable usual_table(std::uint32_t depth) {
-    constexpr KTable usual = {0, 1, 1, 2, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14};
+    constexpr KTable usual = {2, 2, 2, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 9, 10, 11, 12};
     KTable table{};
     for (std::uint32_t c = 0; c < contexts; ++c)
         table[c] = std::min(usual[c], static_cast<std::uint8_t>(depth));
