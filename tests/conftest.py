@@ -1,7 +1,6 @@
 """Fixtures that every tier uses."""
 
 import gc
-import os
 import threading
 import time
 from collections.abc import Iterator
@@ -19,7 +18,7 @@ def _open_files() -> dict[str, str]:
     found = {}
     for link in Path("/proc/self/fd").iterdir():
         try:
-            found[link.name] = os.readlink(link)
+            found[link.name] = str(link.readlink())
         except OSError:
             continue  # the descriptor that lists the folder
     return {number: target for number, target in found.items() if not _harmless(target)}

@@ -98,9 +98,16 @@ def _print_inspection(inspection: Any) -> None:
     ]
     print_table(f"{told['path']}: {told['duration_s']:.1f} s", ("segment", "size", "state"), rows)
     topics = [
-        (name, t["messages"], f"{t['rate_hz']:.2f}" if t["rate_hz"] else "", size(t["bytes"]), t["gaps"] or "", t["lost"] or "")
+        (
+            name,
+            t["messages"],
+            f"{t['rate_hz']:.2f}" if t["rate_hz"] else "",
+            size(t["bytes"]),
+            t["gaps"] or "",
+            t["lost"] or "",
+        )
         for name, t in sorted(told["topics"].items())
-    ]  # fmt: skip
+    ]
     print_table("topics", ("topic", "messages", "Hz", "size", "gaps", "lost"), topics)
     for word in ("first", "last"):
         time = told[f"{word}_time"]

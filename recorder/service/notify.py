@@ -12,11 +12,10 @@ def notify(state: str) -> bool:
         return False
     if address.startswith("@"):  # abstract socket
         address = "\0" + address[1:]
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as link:
-        with contextlib.suppress(OSError):
-            link.connect(address)
-            link.sendall(state.encode())
-            return True
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link, contextlib.suppress(OSError):
+        link.connect(address)
+        link.sendall(state.encode())
+        return True
     return False
 
 

@@ -118,7 +118,8 @@ class Recording:
 
     def close(self) -> Outcome:
         """End all devices, write what is queued, close the drive."""
-        assert self._pipeline is not None and self._writer is not None
+        assert self._pipeline is not None
+        assert self._writer is not None
         notify("STOPPING=1")
         self._stop_devices()
         self._housekeeping.close()

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from figures import Figure, report
 from mcap.writer import CompressionType, Writer
+from recorder.simulation.nmea_pty import NmeaPty, moving_train
+from recorder.simulation.scene import Scene
 
 from recorder import open_drive
 from recorder.simulation.gige_camera import GigeCameraProcess
-from recorder.simulation.nmea_pty import NmeaPty, moving_train
-from recorder.simulation.scene import Scene
 from recorder.storage import verify
 
 RATE_HZ = 59.82
@@ -56,8 +56,8 @@ def record(frames: Path, pixel_format: str, seconds: float) -> Run:
         GigeCameraProcess(frames=frames, pixel_format=pixel_format) as camera,
     ):
         command = [
-            sys.executable, "-m", "recorder", "record", f"genicam://{camera.address}", "--nmea", str(gnss.path),
-            "--pixel-format", pixel_format, "--rate", str(RATE_HZ), "--seconds", str(seconds),
+            sys.executable, "-m", "recorder", "record", f"genicam://{camera.address}",
+            "--nmea", str(gnss.path), "--pixel-format", pixel_format, "--rate", str(RATE_HZ), "--seconds", str(seconds),
             "--out", out, "--json",
         ]  # fmt: skip
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -117,7 +117,8 @@ def measure(quick: bool) -> Sequence[Figure]:
             Figure(f"{key}_cpu_cores", run.cores, "cores", 1.5, "lower", run.frames, raw),
             Figure(f"{key}_bytes_per_s", run.bytes_per_s, "B/s", PACKED_BYTES * RATE_HZ, "lower", run.frames,
                    {"packed": PACKED_BYTES * RATE_HZ}),
-            Figure(f"{key}_size_of_packed", run.ratio, "", 0.66, "lower", run.frames, {"report": REPORT_RATIO}),
+            Figure(f"{key}_size_of_packed", run.ratio, "", 0.66, "lower", run.frames,
+                   {"report": REPORT_RATIO}),
             Figure(f"{key}_sound", float(run.sound), "", 1, "higher", run.frames),
         ]  # fmt: skip
     return figures
