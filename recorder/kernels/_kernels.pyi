@@ -13,7 +13,7 @@ class FormatError(ValueError):
     args: tuple[str, int]
 
 def felics_encode(image: _Image, depth: int, model: int, table: bytes) -> bytes:
-    """One whole image of C-contiguous (H, W) pixels; ``table``: 17 k, or empty: trained. Raises ValueError."""
+    """One whole image of C-contiguous (H, W) pixels; ``table`` is 17 k, or empty. Raises ValueError."""
 
 def felics_encode_into(image: _Image, out: NDArray[np.uint8], depth: int, model: int, table: bytes) -> int:
     """felics_encode into an array of at least felics_largest_encoding bytes; returns the bytes written."""

@@ -15,7 +15,7 @@ constexpr std::uint64_t most_pixels = std::uint64_t{1} << 28;
 constexpr std::uint32_t written_streams = 32;  // row y goes to stream y mod 32
 constexpr std::uint32_t most_streams = 256;
 constexpr std::size_t marker_size = 2;
-constexpr std::size_t header_fixed_size = 22;  // version .. table length
+constexpr std::size_t header_fixed_size = 20;  // version .. table length
 constexpr std::size_t largest_written_header = header_fixed_size + contexts + 4 * written_streams + 4;
 
 // Makes FF the rarest byte in the payload of noisy 10-bit pictures (docs/felics.md, "Stuffing").
