@@ -7,6 +7,7 @@ camera is opened.
 import ctypes
 import ipaddress
 import socket
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -79,6 +80,18 @@ def open_camera(target: str, where: str) -> Any:
                 return library.Camera.new(library.get_device_id(index))
         address = library.get_device_address(index)
     return library.Camera.new_with_device(_open_gige(address, where))
+
+
+def release(error: BaseException) -> None:
+    """Clear what the traceback of an error holds, of its causes too.
+
+    A local variable in there would keep Aravis' object alive, and the camera ours, for as long as
+    somebody keeps the error.
+    """
+    one: BaseException | None = error
+    while one is not None:
+        traceback.clear_frames(one.__traceback__)
+        one = one.__cause__ or one.__context__
 
 
 def buffer_bytes(buffer: Any) -> NDArray[np.uint8]:

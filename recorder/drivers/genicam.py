@@ -7,7 +7,7 @@ from typing import Any
 
 from recorder.clock import SYSTEM_CLOCK, Clock
 from recorder.config import CameraSection
-from recorder.drivers.aravis import aravis, buffer_bytes, open_camera, translated
+from recorder.drivers.aravis import aravis, buffer_bytes, open_camera, release, translated
 from recorder.drivers.frame_ids import FrameIds
 from recorder.drivers.genicam_setup import configure, identity
 from recorder.drivers.pixel_formats import BY_CODE, BY_NAME, PixelFormat
@@ -79,8 +79,9 @@ class GenicamCamera:
             self._settings = configure(self._camera, self._wanted, self._where)
             self._told = identity(self._camera, self._where) | self._format()
             self._start()
-        except BaseException:
+        except BaseException as error:
             self.close()
+            release(error)
             raise
 
     def samples(self) -> Iterator[Sample | None]:

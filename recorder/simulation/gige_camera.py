@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Self
 
 from recorder.errors import DeviceError, RecorderError, SourceError
-from recorder.simulation.gige_pixels import BIT_DEPTHS, PIXEL_FORMAT_CODES, Pattern, Stack
+from recorder.simulation.gige_pixels import BIT_DEPTHS, PIXEL_FORMAT_CODES, LeftAligned, Pattern, Stack
 from recorder.simulation.gige_server import GigeCamera, aravis
 
 
@@ -54,9 +54,7 @@ class GigeCameraProcess:
     ) -> None:
         self.address, self.serial = address, serial
         given: dict[str, object] = {"address": address, "serial": serial, "frames": frames, **options}
-        self._arguments = [
-            f"--{key.replace('_', '-')}={value}" for key, value in given.items() if value is not None
-        ]
+        self._arguments = [_argument(key, value) for key, value in given.items() if value is not None]
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: IO[bytes] | None = None
         self._last_words = ""
@@ -126,6 +124,11 @@ class GigeCameraProcess:
         self._errors.close()
 
 
+def _argument(key: str, value: object) -> str:
+    name = f"--{key.replace('_', '-')}"
+    return name if value is True else f"{name}={value}"
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Serve until SIGTERM, SIGINT or, if asked, until standard input closes."""
     parser = argparse.ArgumentParser(prog="gige_camera", description=(__doc__ or "").splitlines()[0])
@@ -139,6 +142,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--rate", type=float, default=59.82, help="images a second until a client sets it")
     parser.add_argument("--packet-bytes", type=int, default=9000, help="until a client sets it")
     parser.add_argument("--loss", type=float, default=0.0, help="share of packets that are dropped")
+    parser.add_argument("--left-aligned", action="store_true", help="a fault: Mono10 in the upper bits")
     parser.add_argument("--until-stdin-closes", action="store_true", help="end when the parent does")
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -149,11 +153,12 @@ def main(arguments: list[str] | None = None) -> int:
         if start not in formats:
             deep = f"frames of {stack.bit_depth} bits need another pixel format" if stack else "not offered"
             raise SourceError(f"{start}: {deep}", todo="choose --pixel-format out of --formats")
+        source = stack or Pattern()
         with tempfile.TemporaryDirectory(prefix="gige-camera-") as folder:
             camera = GigeCamera(
                 address=options.address,
                 serial=options.serial,
-                source=stack or Pattern(),
+                source=LeftAligned(source) if options.left_aligned else source,
                 width=stack.width if stack else options.width,
                 height=stack.height if stack else options.height,
                 pixel_format=start,

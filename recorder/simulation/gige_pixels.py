@@ -83,6 +83,19 @@ class Pattern:
         _pack_into(out[:row], _first_row(number, width, depth), pixel_format)
 
 
+class LeftAligned:
+    """A fault: Mono10 and Mono12 in the upper bits of their sixteen, which GenICam forbids."""
+
+    def __init__(self, source: PixelSource) -> None:
+        self._source = source
+
+    def fill(self, out: Bytes, number: int, pixel_format: str, width: int, height: int) -> None:
+        self._source.fill(out, number, pixel_format, width, height)
+        if pixel_format in {"Mono10", "Mono12"}:
+            shifted = out.view("<u2")
+            shifted <<= 16 - BIT_DEPTHS[pixel_format]
+
+
 class Stack:
     """Frames of a file, played in a loop.
 
@@ -167,7 +180,8 @@ def _pack_fours(out: Bytes, pixels: NDArray[np.uint16]) -> None:
 @lru_cache(maxsize=4)
 def _slope(width: int, height: int, bit_depth: int) -> NDArray[np.uint16]:
     """A diagonal slope over 7/8 of the range, and noise over the rest."""
-    y, x = np.mgrid[:height, :width].astype(np.uint32)
+    x = np.arange(width, dtype=np.uint32)
+    y = np.arange(height, dtype=np.uint32)[:, None]
     top = (1 << bit_depth) - 1
     slope = (x + y) * (top * 7 // 8) // (width + height)
     noise = (x * 2654435761 ^ y * 2246822519) * 3266489917 >> 16 & 0xFFFF  # wraps at 32 bits: a hash

@@ -1,6 +1,7 @@
 """Serves one GigE Vision camera: Aravis' fake one, with our description and our pixels."""
 
 import ctypes
+import socket
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from recorder.errors import DeviceError
 from recorder.simulation.gige_description import describe, start_values
 from recorder.simulation.gige_pixels import BIT_DEPTHS, PIXEL_FORMAT_CODES, PixelSource, packed_bytes
 
+_GVCP_PORT = 3956
 _WIDTH, _HEIGHT, _SENSOR_HEIGHT, _SENSOR_WIDTH = 0x100, 0x104, 0x118, 0x11C
 _PIXEL_FORMAT, _PERIOD_US = 0x128, 0x138
 _STREAM_PORT, _PACKET_SIZE = 0x0D00, 0x0D04
@@ -41,6 +43,7 @@ class GigeCamera:
         folder: Path,
     ) -> None:
         library = aravis()
+        _claim(address)
         description = folder / "camera.xml"
         description.write_text(describe(library, formats), encoding="utf-8")
         self._server = library.GvFakeCamera(
@@ -53,9 +56,7 @@ class GigeCamera:
         )
         if not self._server.is_running():
             raise DeviceError(
-                "cannot serve a camera here",
-                where=address,
-                todo="see that an interface has this address and that UDP port 3956 is free",
+                "no interface has this address", where=address, todo=f"ip addr add {address}/8 dev lo"
             )
         self._camera = self._server.get_fake_camera()
         for register, value in (
@@ -90,6 +91,19 @@ class GigeCamera:
             out = np.ctypeslib.as_array(image.from_address(data))
             self._source.fill(out, self._number, name, width, height)
         self._number += 1
+
+
+def _claim(address: str) -> None:
+    """Raises `DeviceError` if another camera serves here: Aravis would share its port and steal from it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((address, _GVCP_PORT))
+        except OSError as error:
+            raise DeviceError(
+                f"cannot serve a camera at UDP port {_GVCP_PORT} ({error.strerror})",
+                where=address,
+                todo="one camera an address: end the other one",
+            ) from error
 
 
 @lru_cache(maxsize=1)
