@@ -69,7 +69,13 @@ class GnssReceiver:
         yielded_ns = self._clock.raw_ns()
         while True:
             told: list[NmeaSentence | Fix] = []
-            reads = self._read()
+            try:
+                reads = self._read()
+            except DeviceLost:
+                yield from splitter.flush()  # what had arrived is kept, also half a line
+                if fix := assembler.silence():
+                    yield fix
+                raise
             for data, raw_ns in reads:
                 for sentence in splitter.feed(data, raw_ns):
                     fix = assembler.add(sentence)

@@ -344,4 +344,7 @@ class _Burst:
         rmc, gga = self._rmc, self._gga
         if rmc and (rmc.status != "A" or (rmc.mode and rmc.mode not in _SATELLITE_MODES)):
             return False
-        return gga is None or gga.quality in _SATELLITE_QUALITIES
+        if gga is None:
+            return True
+        # Some receivers claim quality 1 before they use any satellite; others never count them.
+        return gga.quality in _SATELLITE_QUALITIES and (rmc is not None or gga.satellites != 0)

@@ -31,7 +31,7 @@ class NmeaLog:
     Args:
         path: the log.
         origin_raw_ns: arrival of the first sentence; when `samples` is first asked if None.
-        realtime: at the log's own pace rather than at once.
+        realtime: each sentence not before the instant it is stamped with, rather than at once.
     """
 
     live = False
@@ -69,23 +69,17 @@ class NmeaLog:
         """Sentences and fixes; with ``realtime`` None every 0.1 s in between. Raises `SourceError`."""
         if self._file is None:
             raise SourceError("not open", where=str(self._path))
-        start_ns = self._clock.raw_ns()
-        origin_ns = start_ns if self._origin_ns is None else self._origin_ns
+        origin_ns = self._clock.raw_ns() if self._origin_ns is None else self._origin_ns
         seconds, assembler = _LogTime(), FixAssembler()
-        elapsed_ns = 0
         try:
             for sentence in _sentences(self._file):
                 told = parse(sentence)
-                before_ns, elapsed_ns = elapsed_ns, seconds.elapsed_ns(told.time_of_day_ns if told else None)
-                if elapsed_ns > before_ns:
-                    if fix := assembler.silence():
-                        yield fix
-                    if self._realtime:
-                        yield from self._wait(start_ns + elapsed_ns)
+                elapsed_ns = seconds.elapsed_ns(told.time_of_day_ns if told else None)
                 stamped = replace(sentence, stamp=Stamp(raw_ns=origin_ns + elapsed_ns))
-                fix = assembler.add(stamped)
-                if fix:
-                    yield fix
+                if fix := assembler.add(stamped):
+                    yield fix  # before the wait: it is known since the former burst
+                if self._realtime:
+                    yield from self._wait(origin_ns + elapsed_ns)
                 yield stamped
         except OSError as error:
             raise SourceError(f"cannot be read ({error.strerror})", where=str(self._path)) from error
