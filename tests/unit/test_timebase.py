@@ -1,0 +1,271 @@
+"""Clock algebra in whole nanoseconds, the report's combined time, UTC that never steps back."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from math import isqrt
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recorder.clock import SYSTEM_CLOCK
+from recorder.config import TimebaseSection
+from recorder.samples import ClockPair, Fix, Stamp
+from recorder.timebase import ClockHistory, Timebase, UtcEstimate, take_pair
+
+SECOND_NS = 1_000_000_000
+DAY_NS = 86_400 * SECOND_NS
+BOOT_NS = 1_700_000_000 * SECOND_NS
+SETTINGS = TimebaseSection(gnss_delay_ms=600, gnss_delay_sigma_ms=300)
+
+instants = st.integers(0, 2**62)
+short = st.integers(0, 3600 * SECOND_NS)
+
+
+class FakeClock:
+    """Stands still unless it is told; ``cost_ns`` is what each reading takes."""
+
+    def __init__(self) -> None:
+        self.now_ns = 1000 * SECOND_NS
+        self.wall_ns = BOOT_NS
+        self.costs_ns: list[int] = []
+
+    def _read(self) -> int:
+        self.now_ns += self.costs_ns.pop(0) if self.costs_ns else 0
+        return self.now_ns
+
+    def raw_ns(self) -> int:
+        return self._read()
+
+    def monotonic_ns(self) -> int:
+        return self._read() + 7
+
+    def realtime_ns(self) -> int:
+        return self._read() + self.wall_ns
+
+    def boottime_ns(self) -> int:
+        return self._read() + 11
+
+
+def fix(gps_ns: int | None, raw_ns: int, *, valid: bool = True) -> Fix:
+    return Fix(Stamp(raw_ns=raw_ns, gps_ns=gps_ns, gps_raw_ns=raw_ns), valid=valid, mode="A/A/1")
+
+
+def pair(raw_ns: int, realtime_ns: int, monotonic_ns: int = 0) -> ClockPair:
+    return ClockPair(raw_ns, monotonic_ns, realtime_ns, 0, 0)
+
+
+def test_the_tightest_of_several_brackets_is_taken() -> None:
+    clock = FakeClock()
+    clock.costs_ns = [0, 50, 50, 50, 50, 1000, 10, 10, 10, 10, 1000, 90, 90, 90, 90]
+    taken = take_pair(clock, tries=3)
+    assert taken.bracket_ns == 40
+    start_ns = taken.raw_ns - 20
+    assert taken.monotonic_ns == start_ns + 10 + 7
+    assert taken.realtime_ns == start_ns + 20 + BOOT_NS
+    assert taken.boottime_ns == start_ns + 30 + 11
+
+
+def test_this_machines_clocks_are_compared_within_a_millisecond() -> None:
+    taken = take_pair(SYSTEM_CLOCK)
+    assert 0 < taken.bracket_ns < SECOND_NS // 1000
+
+
+@given(instants, instants, instants, short)
+def test_conversion_there_and_back_loses_nothing(
+    raw_ns: int, realtime_ns: int, monotonic_ns: int, later_ns: int
+) -> None:
+    history = ClockHistory()
+    history.add(pair(raw_ns, realtime_ns, monotonic_ns))
+    assert history.raw_from_realtime(realtime_ns + later_ns) == raw_ns + later_ns
+    assert history.raw_from_monotonic(monotonic_ns + later_ns) == raw_ns + later_ns
+    assert history.realtime_from_raw(raw_ns + later_ns) == realtime_ns + later_ns
+
+
+def test_the_nearest_pair_converts_and_the_later_of_two_equals() -> None:
+    history = ClockHistory()
+    for one in (pair(0, 1000), pair(100, 1110), pair(200, 1220)):
+        history.add(one)
+    assert history.raw_from_realtime(1111) == 101
+    assert history.raw_from_realtime(1055) == 45  # 1000 and 1110 are equally near: offset 1010
+    assert history.realtime_from_raw(150) == 1170
+    assert history.realtime_from_raw(9) == 1009
+
+
+def test_the_history_is_bounded_and_empty_tells_nothing() -> None:
+    history = ClockHistory(kept=3)
+    assert history.raw_from_realtime(0) is None
+    assert history.raw_from_monotonic(0) is None
+    assert history.realtime_from_raw(0) is None
+    assert history.latest is None
+    for number in range(10):
+        history.add(pair(number, number))
+    assert len(history) == 3
+
+
+@given(instants, instants, short)
+def test_combined_time_stands_on_gps_if_a_valid_fix_was_seen_before_the_first_frame(
+    gps_ns: int, raw_ns: int, later_ns: int
+) -> None:
+    timebase = Timebase(SETTINGS, FakeClock())
+    timebase.observe(fix(gps_ns, raw_ns))
+    timebase.complete(Stamp(raw_ns=raw_ns + 5), frame=True)
+    timebase.observe(fix(gps_ns + 17, raw_ns + 2))  # the reference stays
+    assert timebase.complete(Stamp(raw_ns=raw_ns + later_ns), frame=True).combined_ns == gps_ns + later_ns
+
+
+@given(short, instants)
+def test_combined_time_stands_on_the_wall_clock_without_a_valid_fix(later_ns: int, gps_ns: int) -> None:
+    clock = FakeClock()
+    timebase = Timebase(SETTINGS, clock)
+    timebase.observe(fix(gps_ns, clock.now_ns, valid=False))
+    timebase.observe(fix(None, clock.now_ns))
+    first = timebase.complete(Stamp(raw_ns=clock.now_ns), frame=True)
+    assert first.combined_ns == first.realtime_ns == clock.now_ns + BOOT_NS
+    timebase.observe(fix(gps_ns, clock.now_ns))  # too late for the reference
+    later = timebase.complete(Stamp(raw_ns=clock.now_ns + later_ns), frame=True)
+    assert later.combined_ns == clock.now_ns + BOOT_NS + later_ns
+
+
+def test_only_a_frame_fixes_the_reference_of_combined_time() -> None:
+    timebase = Timebase(SETTINGS, FakeClock())
+    assert timebase.complete(Stamp(raw_ns=1)).combined_ns is None
+    timebase.complete(Stamp(raw_ns=2), frame=True)
+    assert timebase.complete(Stamp(raw_ns=3)).combined_ns is not None
+
+
+def test_a_stamp_is_completed_and_the_devices_words_are_kept() -> None:
+    clock = FakeClock()
+    timebase = Timebase(SETTINGS, clock)
+    kernel_ns = clock.now_ns + BOOT_NS - 3_000_000
+    told = timebase.complete(Stamp(raw_ns=clock.now_ns, device_ns=42, realtime_ns=kernel_ns))
+    assert (told.device_ns, told.realtime_ns, told.raw_ns) == (42, kernel_ns, clock.now_ns - 3_000_000)
+    assert (told.gps_ns, told.gps_raw_ns, told.utc_ns, told.utc_sigma_ns) == (None,) * 4
+    told = timebase.complete(Stamp(raw_ns=clock.now_ns - 5))
+    assert (told.raw_ns, told.realtime_ns) == (clock.now_ns - 5, clock.now_ns + BOOT_NS - 5)
+    assert timebase.complete(Stamp()).raw_ns == clock.now_ns
+
+
+def test_the_last_time_told_is_saved_even_without_a_fix() -> None:
+    timebase = Timebase(SETTINGS, FakeClock())
+    assert timebase.observe(fix(123, 456, valid=False)) is None
+    told = timebase.complete(Stamp(raw_ns=500))
+    assert (told.gps_ns, told.gps_raw_ns, told.utc_ns) == (123, 456, None)
+
+
+@given(st.integers(-(10**15), 10**15), st.integers(0, 2 * SECOND_NS), st.booleans())
+def test_a_kernel_stamp_never_moves_raw_beyond_the_arrival_bound(
+    offset_ns: int, later_ns: int, paired: bool
+) -> None:
+    clock = FakeClock()
+    timebase = Timebase(SETTINGS, clock)
+    if paired:
+        timebase.sample_pair()
+    arrival_ns = clock.now_ns + later_ns
+    told = timebase.complete(Stamp(raw_ns=arrival_ns, realtime_ns=arrival_ns + BOOT_NS + offset_ns))
+    assert told.raw_ns is not None
+    assert arrival_ns - SECOND_NS <= told.raw_ns <= arrival_ns
+    expected_ns = arrival_ns + offset_ns if -SECOND_NS <= offset_ns <= 0 else arrival_ns
+    assert told.raw_ns == expected_ns
+
+
+@given(st.sampled_from([-100 * DAY_NS, 100 * DAY_NS]), st.integers(0, 50_000_000))
+def test_setting_the_wall_clock_by_100_days_moves_no_raw_time(step_ns: int, latency_ns: int) -> None:
+    clock = FakeClock()
+    timebase = Timebase(SETTINGS, clock)
+    offset_ns = timebase.log_offset_ns
+    clock.now_ns += SECOND_NS
+    clock.wall_ns += step_ns
+    kernel_ns = clock.now_ns + clock.wall_ns - latency_ns
+    before = timebase.complete(Stamp(raw_ns=clock.now_ns, realtime_ns=kernel_ns))
+    assert before.raw_ns == clock.now_ns  # no pair has seen the step: the arrival is kept
+    timebase.sample_pair()
+    after = timebase.complete(Stamp(raw_ns=clock.now_ns, realtime_ns=kernel_ns))
+    assert after.raw_ns == clock.now_ns - latency_ns
+    assert timebase.log_offset_ns == offset_ns == BOOT_NS
+
+
+def test_there_is_no_utc_before_the_first_valid_fix() -> None:
+    estimate = UtcEstimate(SETTINGS)
+    estimate.observe(fix(1, 1, valid=False))
+    estimate.observe(fix(None, 1))
+    estimate.observe(replace(fix(1, 1), stamp=Stamp(raw_ns=1, gps_ns=1)))
+    assert estimate.at(5) is None
+
+
+@given(instants, instants, st.integers(-(10**13), 10**13))
+def test_utc_is_the_fix_plus_delay_plus_raw_time_and_says_how_sure_it_is(
+    gps_ns: int, raw_ns: int, age_ns: int
+) -> None:
+    estimate = UtcEstimate(SETTINGS)
+    estimate.observe(fix(gps_ns, raw_ns))
+    utc = estimate.at(raw_ns + age_ns)
+    assert utc is not None
+    assert utc.utc_ns == gps_ns + 600_000_000 + age_ns
+    drift_ns = abs(age_ns) * 50 // 1_000_000
+    assert utc.sigma_ns == isqrt(300_000_000**2 + drift_ns**2 + 170_000_000**2)
+    assert utc.source == "gnss"
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("fix"), st.integers(0, 10**12), st.integers(-(10**10), 10**10)),
+            st.tuples(st.just("ask"), st.integers(0, 10**12), st.just(0)),
+        ),
+        max_size=40,
+    )
+)
+def test_utc_never_steps_back_in_whatever_order_it_is_asked(steps: list[tuple[str, int, int]]) -> None:
+    estimate = UtcEstimate(SETTINGS)
+    answers: list[tuple[int, int]] = []
+    fixes = 0
+    for what, raw_ns, off_ns in steps:
+        if what == "fix" and fixes < 16:
+            fixes += 1
+            estimate.observe(fix(BOOT_NS + raw_ns + off_ns, raw_ns))
+        elif what == "ask" and (utc := estimate.at(raw_ns)):
+            answers.append((raw_ns, utc.utc_ns))
+    answers.sort()
+    assert [utc_ns for _, utc_ns in answers] == sorted(utc_ns for _, utc_ns in answers)
+
+
+def test_what_is_held_back_is_in_sigma() -> None:
+    estimate = UtcEstimate(SETTINGS)
+    estimate.observe(fix(BOOT_NS, 0))
+    ahead = estimate.at(SECOND_NS)
+    estimate.observe(fix(BOOT_NS - 10 * SECOND_NS, SECOND_NS))
+    held = estimate.at(SECOND_NS)
+    assert ahead is not None
+    assert held is not None
+    assert held.utc_ns == ahead.utc_ns
+    assert held.sigma_ns > 11 * SECOND_NS
+
+
+def test_status_is_plain_json_with_and_without_time() -> None:
+    clock = FakeClock()
+    timebase = Timebase(SETTINGS, clock)
+    told = json.loads(json.dumps(timebase.status()))
+    assert (told["source"], told["utc_ns"], told["fix_age_ns"], told["pairs"]) == (None, None, None, 1)
+    timebase.observe(fix(BOOT_NS, clock.now_ns - 9))
+    told = json.loads(json.dumps(timebase.status()))
+    assert (told["source"], told["fix_age_ns"], told["fix_valid"]) == ("gnss", 9, True)
+    assert told["utc_ns"] == BOOT_NS + 600_000_009
+    assert told["utc_sigma_ns"] > 300_000_000
+
+
+def test_many_threads_may_use_it() -> None:
+    timebase = Timebase(SETTINGS)
+
+    def work(number: int) -> bool:
+        for _ in range(50):
+            timebase.sample_pair()
+            timebase.observe(fix(BOOT_NS + number, SYSTEM_CLOCK.raw_ns()))
+            timebase.status()
+            stamp = timebase.complete(Stamp(raw_ns=SYSTEM_CLOCK.raw_ns()), frame=True)
+            if None in (stamp.combined_ns, stamp.utc_ns, stamp.realtime_ns):
+                return False
+        return True
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(work, range(4)))
