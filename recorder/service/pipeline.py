@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 from recorder.clock import Clock
 from recorder.codec import encode
@@ -71,7 +72,8 @@ class Pipeline:
     def take(self, sample: Sample, *, live: bool) -> None:
         """One sample of a device. ``live``: it cannot wait, what does not fit is lost and stated."""
         if isinstance(sample, Frame):
-            self._take_frame(replace(sample, stamp=self._timebase.complete(sample.stamp)), live=live)
+            stamp = self._timebase.complete(sample.stamp, frame=True)
+            self._take_frame(replace(sample, stamp=stamp), live=live)
             return
         self.put(sample)
         if isinstance(sample, Fix):
@@ -159,7 +161,7 @@ class Pipeline:
         while not self._queue.drained:
             entry = self._queue.take(max(0.0, (due_ns - self._clock.raw_ns()) / 1e9))
             if entry is not None:
-                self._guarded(lambda entry=entry: self._write(entry[0]))
+                self._guarded(partial(self._write, entry[0]))
                 self._queue.done(entry[1])
             if self._clock.raw_ns() >= due_ns:
                 self._guarded(self._writer.sync)
