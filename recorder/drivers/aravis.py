@@ -142,15 +142,11 @@ def _discover(target: str, where: str) -> int:
         if target in ("", serial, identity):
             return index
         found.append(str(serial or identity))
-    if not target:
-        raise DeviceAbsent(
-            "no camera was found", where=where, todo="check its power and cable, or give its address"
-        )
-    raise DeviceAbsent(
-        f"not found among {', '.join(found) or 'no cameras'}",
-        where=where,
-        todo="check its power and cable, or the serial number",
-    )
+    if found:
+        told, todo = f"not found among {', '.join(found)}", "check its power and cable, or the serial number"
+    else:
+        told, todo = "no camera was found", "check its power and cable, or give its address"
+    raise DeviceAbsent(told, where=where, todo=todo)
 
 
 def _busy(where: str) -> DeviceBusy:

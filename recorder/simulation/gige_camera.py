@@ -154,27 +154,25 @@ def main(arguments: list[str] | None = None) -> int:
             deep = f"frames of {stack.bit_depth} bits need another pixel format" if stack else "not offered"
             raise SourceError(f"{start}: {deep}", todo="choose --pixel-format out of --formats")
         source = stack or Pattern()
-        with tempfile.TemporaryDirectory(prefix="gige-camera-") as folder:
-            camera = GigeCamera(
-                address=options.address,
-                serial=options.serial,
-                source=LeftAligned(source) if options.left_aligned else source,
-                width=stack.width if stack else options.width,
-                height=stack.height if stack else options.height,
-                pixel_format=start,
-                formats=formats,
-                rate_hz=options.rate,
-                packet_bytes=options.packet_bytes,
-                loss=options.loss,
-                folder=Path(folder),
-            )
-            sys.stdout.write("ready\n")
-            sys.stdout.flush()
-            if options.until_stdin_closes:
-                sys.stdin.read()
-            else:
-                signal.pause()
-            del camera
+        camera = GigeCamera(
+            address=options.address,
+            serial=options.serial,
+            source=LeftAligned(source) if options.left_aligned else source,
+            width=stack.width if stack else options.width,
+            height=stack.height if stack else options.height,
+            pixel_format=start,
+            formats=formats,
+            rate_hz=options.rate,
+            packet_bytes=options.packet_bytes,
+            loss=options.loss,
+        )
+        sys.stdout.write("ready\n")
+        sys.stdout.flush()
+        if options.until_stdin_closes:
+            sys.stdin.read()
+        else:
+            signal.pause()
+        del camera
     except RecorderError as error:
         sys.stderr.write(f"{error}\n")
         return error.exit_code

@@ -2,8 +2,8 @@
 
 import ctypes
 import socket
+import tempfile
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,20 +40,21 @@ class GigeCamera:
         rate_hz: float,
         packet_bytes: int,
         loss: float,
-        folder: Path,
     ) -> None:
         library = aravis()
         _claim(address)
-        description = folder / "camera.xml"
-        description.write_text(describe(library, formats), encoding="utf-8")
-        self._server = library.GvFakeCamera(
-            **{
-                "interface-name": address,
-                "serial-number": serial,
-                "genicam-filename": str(description),
-                "gvsp-lost-ratio": loss,
-            }
-        )
+        # Aravis maps the description into memory at once: a process that is killed leaves no file.
+        with tempfile.NamedTemporaryFile("w", suffix=".xml", encoding="utf-8") as description:
+            description.write(describe(library, formats))
+            description.flush()
+            self._server = library.GvFakeCamera(
+                **{
+                    "interface-name": address,
+                    "serial-number": serial,
+                    "genicam-filename": description.name,
+                    "gvsp-lost-ratio": loss,
+                }
+            )
         if not self._server.is_running():
             raise DeviceError(
                 "no interface has this address", where=address, todo=f"ip addr add {address}/8 dev lo"
