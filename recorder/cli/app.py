@@ -4,11 +4,13 @@ import json
 import os
 import sys
 
-import click
 import typer
 
 from recorder.cli import commands_drive, commands_record, commands_service
 from recorder.errors import RecorderError
+
+_USAGE_ERROR = typer.BadParameter.__mro__[2]
+"""Click's ``ClickException``; newer versions of typer carry a click of their own."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,15 +36,21 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.flush()
     except RecorderError as error:
         return _fail(str(error), error.exit_code, arguments)
-    except click.ClickException as error:
-        return _fail(error.format_message(), 2, arguments)
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", 1, arguments)
     except BrokenPipeError:
         # the reader of our output has gone (a pager, head): not an error, but nothing more may be written
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except _USAGE_ERROR as error:
+        return _fail(_usage(error), 2, arguments)
     return int(code or 0)
+
+
+def _usage(error: Exception) -> str:
+    """A wrong call in one line."""
+    message = error.format_message() if hasattr(error, "format_message") else str(error)
+    return " ".join(message.replace("Value error, ", "").split())
 
 
 def _fail(line: str, code: int, arguments: list[str]) -> int:

@@ -12,6 +12,6 @@ def preview(frame: Frame, *, max_width: int, quality: int) -> Preview:
     scale = min(1.0, max_width / width)
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     small = frame.pixels if scale == 1.0 else cv2.resize(frame.pixels, size, interpolation=cv2.INTER_AREA)
-    shown = small << (8 - frame.bit_depth) if frame.bit_depth < 8 else small >> (frame.bit_depth - 8)
-    _, jpeg = cv2.imencode(".jpg", shown.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    shown = np.ldexp(small.astype(np.float32), 8 - frame.bit_depth).astype(np.uint8)
+    _, jpeg = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return Preview(camera=frame.camera, stamp=frame.stamp, jpeg=jpeg.tobytes())

@@ -15,7 +15,7 @@ import psutil
 from recorder.clock import SYSTEM_CLOCK, Clock
 from recorder.config import Settings
 from recorder.drivers.base import Driver
-from recorder.errors import RecorderError
+from recorder.errors import RecorderError, SourceError
 from recorder.samples import DeviceState, Health, LogLine, Sample
 from recorder.service.housekeeping import Chore, Housekeeping
 from recorder.service.notify import notify, watchdog_period_s
@@ -26,6 +26,7 @@ from recorder.storage import DriveHead, DriveWriter
 from recorder.timebase import Timebase, wall_clock_error_ns
 
 _log = logging.getLogger("recorder")
+_log.addHandler(logging.NullHandler())  # who wants to see the events says so (`recorder run` does)
 
 _HEALTH_PERIOD_S = 10.0
 _DISK_STUCK_NS = 10_000_000_000
@@ -191,8 +192,9 @@ class Recording:
         for device in self._devices:
             device.ready.wait()
         for device in self._devices:
-            if device.failure is not None:
-                raise device.failure
+            error = device.failure
+            if error is not None:  # naming a source that cannot be opened is bad input
+                raise SourceError(error.what, where=error.where, todo=error.todo) from error
 
     def _stop_devices(self) -> None:
         self._stop.set()

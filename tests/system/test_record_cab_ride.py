@@ -68,9 +68,9 @@ def test_stamps_follow_the_film_and_utc_follows_the_log(ran: Ran) -> None:
     told = [stamp for stamp in stamps if stamp.utc_ns is not None]
     assert len(told) > FRAMES * 0.8
     assert all(stamp.utc_sigma_ns and stamp.gps_ns and stamp.gps_raw_ns for stamp in told)
-    # the log was taken on 2019-02-04
+    # the log was taken in the night to 2019-02-05, UTC
     day = np.datetime64(told[0].utc_ns, "ns").astype("datetime64[D]")
-    assert str(day) == "2019-02-04"
+    assert str(day) == "2019-02-05"
     elapsed = (told[-1].utc_ns or 0) - (told[0].utc_ns or 0)
     assert abs(elapsed - ((told[-1].raw_ns or 0) - (told[0].raw_ns or 0))) < 50_000_000
 
@@ -128,4 +128,4 @@ def test_a_paced_recording_takes_as_long_as_the_film(video: Path, tmp_path: Path
     ran = recorder("record", video, "--out", tmp_path, "--realtime", "--seconds", "3", "--json")
     assert ran.code == 0, ran.err
     frames = ran.json["topics"]["/camera/front/image"]["messages"]
-    assert 60 <= frames <= 75
+    assert 60 <= frames <= 80
