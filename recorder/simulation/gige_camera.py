@@ -145,7 +145,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--left-aligned", action="store_true", help="a fault: Mono10 in the upper bits")
     parser.add_argument("--until-stdin-closes", action="store_true", help="end when the parent does")
     options = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    # As KeyboardInterrupt, caught below: the camera's thread must end before the interpreter does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if options.until_stdin_closes:  # Ctrl-C reaches the parent too, which is to end first
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         stack = Stack(options.frames) if options.frames else None
         formats = [name for name in options.formats.split(",") if stack is None or stack.fits(name)]
