@@ -87,14 +87,8 @@ struct Decoded {
 };
 
 // `bits` is left-aligned and holds at least longest_code(depth) valid bits.
-[[gnu::always_inline]] inline Decoded decode_pixel(std::uint64_t bits, std::uint32_t left, std::uint32_t top, const KTable &table,
-                            std::uint32_t depth) {
-    const Interval<floor_log2> in(left, top);
-    const std::uint32_t whole = static_cast<std::uint32_t>((bits << 1) >> (63u - in.context));
-    const std::uint32_t is_short = negative_mask((whole >> 1) - in.short_codes);
-    const std::uint32_t in_value = in.low + select(is_short, whole >> 1, whole - in.short_codes);
-    const std::uint32_t in_length = 2u + in.context + is_short;
-
+[[gnu::always_inline]] inline Decoded decode_pixel(std::uint64_t bits, std::uint32_t left, std::uint32_t top,
+                                                   const std::uint32_t *table, std::uint32_t depth) {
     // A sentinel ends the run of zeros at the escape's length, whatever follows.
     constexpr std::uint64_t sentinel = std::uint64_t{1} << (63u - escape_zeros);
     const std::uint32_t zeros = static_cast<std::uint32_t>(__builtin_clzll(bits | sentinel));
@@ -102,15 +96,21 @@ struct Decoded {
         const std::uint32_t raw = static_cast<std::uint32_t>((bits << escape_prefix) >> (64u - depth));
         return {raw, longest_code(depth), (bits & sentinel) == 0 ? 1u : 0u};
     }
+    // Behind the zeros and the one: context + 1 bits inside (the last not its own if the code is short),
+    // k + 1 bits outside.
+    const Interval<floor_log2> in(left, top);
+    const std::uint32_t is_inside = static_cast<std::uint32_t>(static_cast<std::int64_t>(bits) >> 63);
     const std::uint32_t k = table[in.context];
-    const std::uint32_t tail = static_cast<std::uint32_t>((bits << (zeros + 1u)) >> (63u - k));
+    const std::uint32_t tail_length = select(is_inside, in.context, k);
+    const std::uint32_t tail = static_cast<std::uint32_t>((bits << (zeros + 1u)) >> (63u - tail_length));
+
+    const std::uint32_t is_short = negative_mask((tail >> 1) - in.short_codes);
+    const std::uint32_t in_value = in.low + select(is_short, tail >> 1, tail - in.short_codes);
     const std::uint32_t beyond = ((zeros - 1u) << k) + (tail >> 1) + 1u;
     const std::uint32_t out_value = select(0u - (tail & 1u), in.high + beyond, in.low - beyond);
-    const std::uint32_t out_length = zeros + k + 2u;
 
-    const std::uint32_t is_inside = static_cast<std::uint32_t>(static_cast<std::int64_t>(bits) >> 63);
     const std::uint32_t value = select(is_inside, in_value, out_value);
-    return {value, select(is_inside, in_length, out_length), value >> depth};  // a value below zero wraps
+    return {value, zeros + 2u + tail_length + (is_short & is_inside), value >> depth};  // below zero wraps
 }
 
 }  // namespace recorder

@@ -18,6 +18,14 @@ struct Cursor {
     std::size_t end = 0;
 };
 
+// What all rows are read from; no bytes in it, which the pixels could be taken to overwrite.
+struct Source {
+    const std::uint8_t *payload;
+    std::uint32_t depth;
+    std::uint32_t width;
+    WideKTable table;
+};
+
 // One row being decoded: its stream, its pixels, and what one step leaves for the next.
 struct Row {
     std::uint16_t *pixels;
@@ -32,60 +40,60 @@ struct Row {
           tops(y > 0 ? pixels - h.width + 1 : pixels),
           bit(cursor.bit) {}
 
-    [[gnu::always_inline]] void step(const std::uint8_t *payload, std::uint32_t x, std::uint32_t top, const Header &h) {
-        const Decoded pixel = decode_pixel(peek(payload, bit), left, top, h.table, h.depth);
+    [[gnu::always_inline]] void step(const Source &from, std::uint32_t x, std::uint32_t top) {
+        const Decoded pixel = decode_pixel(peek(from.payload, bit), left, top, from.table.data(), from.depth);
         left = pixel.value & 0xFFFFu;
         pixels[x] = static_cast<std::uint16_t>(left);
         bit += pixel.length;
         wrong |= pixel.wrong;
     }
     // The first pixel: `first` stands for both neighbours.
-    [[gnu::always_inline]] void start(const std::uint8_t *payload, std::uint32_t first, const Header &h) {
+    [[gnu::always_inline]] void start(const Source &from, std::uint32_t first) {
         left = first;
-        step(payload, 0, first, h);
+        step(from, 0, first);
     }
 };
 
 // Two rows of different streams; the lower follows one pixel behind the upper, so that the latency of
 // one is spent on the other.
-[[gnu::always_inline]] inline void decode_pair(Row &upper_row, Row &lower_row, const std::uint8_t *payload,
-                                               std::uint32_t first, const Header &header) {
+[[gnu::always_inline]] inline void decode_pair(Row &upper_row, Row &lower_row, const Source &from,
+                                               std::uint32_t first) {
     Row upper = upper_row, lower = lower_row;
-    const Header &h = header;
-    upper.start(payload, first, h);
+    upper.start(from, first);
     std::uint32_t top = upper.left;
-    if (h.width > 1) {
-        upper.step(payload, 1, upper.tops[0], h);
-        lower.start(payload, top, h);
-        for (std::uint32_t x = 2; x < h.width; ++x) {
+    if (from.width > 1) {
+        upper.step(from, 1, upper.tops[0]);
+        lower.start(from, top);
+        for (std::uint32_t x = 2; x < from.width; ++x) {
             top = upper.left;
-            upper.step(payload, x, upper.tops[x - 1], h);
-            lower.step(payload, x - 1, top, h);
+            upper.step(from, x, upper.tops[x - 1]);
+            lower.step(from, x - 1, top);
         }
-        lower.step(payload, h.width - 1, upper.left, h);
+        lower.step(from, from.width - 1, upper.left);
     } else {
-        lower.start(payload, top, h);
+        lower.start(from, top);
     }
     upper_row = upper;
     lower_row = lower;
 }
 
-using DecodePair = void (*)(Row &, Row &, const std::uint8_t *, std::uint32_t, const Header &);
+using DecodePair = void (*)(Row &, Row &, const Source &, std::uint32_t);
 
-void decode_pair_anywhere(Row &upper, Row &lower, const std::uint8_t *payload, std::uint32_t first,
-                          const Header &header) {
-    decode_pair(upper, lower, payload, first, header);
+void decode_pair_anywhere(Row &upper, Row &lower, const Source &source, std::uint32_t first) {
+    decode_pair(upper, lower, source, first);
 }
 
-RECORDER_WIDE void decode_pair_wide(Row &upper, Row &lower, const std::uint8_t *payload, std::uint32_t first,
-                                    const Header &header) {
-    decode_pair(upper, lower, payload, first, header);
+RECORDER_WIDE void decode_pair_wide(Row &upper, Row &lower, const Source &source, std::uint32_t first) {
+    decode_pair(upper, lower, source, first);
 }
 
 class Decoder {
   public:
     Decoder(std::uint16_t *image, const std::uint8_t *payload, const Header &header)
-        : image_(image), payload_(payload), h_(header) {
+        : image_(image),
+          payload_(payload),
+          h_(header),
+          source_{payload, header.depth, header.width, widen(header.table)} {
         std::size_t byte = 0;
         for (std::uint32_t s = 0; s < h_.streams; ++s) {
             cursors_[s].bit = byte * 8;
@@ -125,14 +133,14 @@ class Decoder {
 
     void decode_one(std::uint32_t y) {
         Row row(image_, y, h_, cursor_of(y));
-        row.start(payload_, first_of(row, y), h_);
-        for (std::uint32_t x = 1; x < h_.width; ++x) row.step(payload_, x, row.tops[x - 1], h_);
+        row.start(source_, first_of(row, y));
+        for (std::uint32_t x = 1; x < h_.width; ++x) row.step(source_, x, row.tops[x - 1]);
         finish(row, y);
     }
 
     void decode_two(std::uint32_t y) {
         Row upper(image_, y, h_, cursor_of(y)), lower(image_, y + 1, h_, cursor_of(y + 1));
-        decode_pair_(upper, lower, payload_, first_of(upper, y), h_);
+        decode_pair_(upper, lower, source_, first_of(upper, y));
         finish(upper, y);
         finish(lower, y + 1);
     }
@@ -151,7 +159,7 @@ class Decoder {
         row.left = first_of(row, y);
         for (std::uint32_t x = 0; x < h_.width; ++x) {
             const std::size_t before = row.bit;
-            row.step(payload_, x, x > 0 ? row.tops[x - 1] : row.left, h_);
+            row.step(source_, x, x > 0 ? row.tops[x - 1] : row.left);
             if (row.bit > cursor.end) throw FormatError{"a stream ends early", cursor.end / 8};
             if (row.wrong != 0) throw FormatError{"a code that means no pixel", before / 8};
         }
@@ -168,6 +176,7 @@ class Decoder {
     std::uint16_t *image_;
     const std::uint8_t *payload_;
     const Header &h_;
+    const Source source_;
     const DecodePair decode_pair_ = has_wide() ? decode_pair_wide : decode_pair_anywhere;
     std::array<Cursor, most_streams> cursors_;
 };
