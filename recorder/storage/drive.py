@@ -121,7 +121,7 @@ class Drive:
     def _told(self, name: str) -> dict[str, str]:
         """The latest sound word of the segments on something, else the latest word."""
         words = [values for segment in self.segments for other, values in segment.metadata if other == name]
-        sound = [values for values in words if heads.is_sound(values)]
+        sound = [values for values in words if heads.is_sound(name, values)]
         return heads.unsealed((sound or words or [{}])[-1])
 
     def _json(self, text: str, what: str) -> dict[str, Any]:

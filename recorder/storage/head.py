@@ -56,6 +56,7 @@ class DriveHead:
 
 def drive_record(head: DriveHead, *, drive: str, segment: int) -> dict[str, str]:
     return sealed(
+        DRIVE,
         {
             "format": str(FORMAT_VERSION),
             "drive": drive,
@@ -63,40 +64,41 @@ def drive_record(head: DriveHead, *, drive: str, segment: int) -> dict[str, str]
             "log_offset_ns": str(head.log_offset_ns),
             "start_raw_ns": str(head.start_raw_ns),
             "software": SOFTWARE,
-        }
+        },
     )
 
 
 def config_record(head: DriveHead) -> dict[str, str]:
-    return sealed({"json": head.config_json})
+    return sealed(CONFIG, {"json": head.config_json})
 
 
 def devices_record(devices: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     """One key for each device, its value a JSON object."""
-    return sealed({name: json.dumps(dict(what), sort_keys=True) for name, what in devices.items()})
+    values = {name: json.dumps(dict(what), sort_keys=True) for name, what in devices.items()}
+    return sealed(DEVICES, values)
 
 
 def end_record(reason: str, messages: Mapping[str, int]) -> dict[str, str]:
     """``messages``: of the whole drive so far, by topic."""
-    return sealed({"reason": reason, "messages": json.dumps(dict(messages), sort_keys=True)})
+    return sealed(END, {"reason": reason, "messages": json.dumps(dict(messages), sort_keys=True)})
 
 
-def sealed(values: Mapping[str, str]) -> dict[str, str]:
-    """``values`` and their checksum."""
-    return {**values, CHECKSUM_KEY: _checksum(values)}
+def sealed(name: str, values: Mapping[str, str]) -> dict[str, str]:
+    """``values`` and the checksum of the record that bears them under ``name``."""
+    return {**values, CHECKSUM_KEY: _checksum(name, values)}
 
 
-def is_sound(values: Mapping[str, str]) -> bool:
+def is_sound(name: str, values: Mapping[str, str]) -> bool:
     """Whether a metadata record says what was written."""
-    return values.get(CHECKSUM_KEY) == _checksum(unsealed(values))
+    return values.get(CHECKSUM_KEY) == _checksum(name, unsealed(values))
 
 
 def unsealed(values: Mapping[str, str]) -> dict[str, str]:
     return {key: value for key, value in values.items() if key != CHECKSUM_KEY}
 
 
-def _checksum(values: Mapping[str, str]) -> str:
-    return f"{zlib.crc32(json.dumps(dict(values), sort_keys=True).encode()):08x}"
+def _checksum(name: str, values: Mapping[str, str]) -> str:
+    return f"{zlib.crc32(json.dumps([name, dict(values)], sort_keys=True).encode()):08x}"
 
 
 class ClockPairHistory:

@@ -99,11 +99,11 @@ def _check_metadata(segment: Segment) -> None:
         segment.problem("not recorded by recorder, or its head is lost: no recorder.drive record")
         return
     told = drive.get("format", "")
-    if heads.is_sound(drive) and (not told.isdecimal() or int(told) > heads.FORMAT_VERSION):
+    if heads.is_sound(heads.DRIVE, drive) and (not told.isdecimal() or int(told) > heads.FORMAT_VERSION):
         todo = f"this recorder reads formats up to {heads.FORMAT_VERSION}: update it"
         raise DriveError(f"{_NEWER} (format {told})", where=str(segment.path), todo=todo)
     for name, values in segment.metadata:
-        if name.startswith("recorder.") and not heads.is_sound(values):
+        if name.startswith("recorder.") and not heads.is_sound(name, values):
             segment.problem(f"the metadata {name} are damaged")
     end = segment.last_metadata(heads.END)
     segment.end_reason = end.get("reason") if end is not None else None

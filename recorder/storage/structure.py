@@ -125,7 +125,7 @@ class Structure:
         if serialised(record) != self._bytes(span):
             raise Damaged(f"damaged {name_of(span.opcode)} record", span.start)
         if span.opcode == Opcode.METADATA:
-            if record.name.startswith("recorder.") and not heads.is_sound(record.metadata):
+            if record.name.startswith("recorder.") and not heads.is_sound(record.name, record.metadata):
                 raise Damaged(f"damaged metadata {record.name}", span.start)
             if self._own and not record.name.startswith("recorder."):
                 raise Damaged(f"unknown metadata {record.name!r}", span.start)

@@ -187,7 +187,7 @@ class DriveWriter:
         head = self._head
         segment.metadata(heads.DRIVE, heads.drive_record(head, drive=self._path.name, segment=self._number))
         segment.metadata(heads.CONFIG, heads.config_record(head))
-        segment.metadata(heads.VERSIONS, heads.sealed(head.versions))
+        segment.metadata(heads.VERSIONS, heads.sealed(heads.VERSIONS, head.versions))
         segment.metadata(heads.DEVICES, heads.devices_record(self._devices))
         pairs = self._history.to_json(head.log_offset_ns)
         log_time_ns = self._latest_raw_ns + head.log_offset_ns
