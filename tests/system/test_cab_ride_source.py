@@ -39,7 +39,7 @@ def test_every_frame_is_opencvs_own(ride: Path) -> None:
     driver.close()
     plain.release()
     assert count == 480
-    # 24 frames a second, and three times one is left out: the times are the file's, not counted
+    # 24 frames a second, but the last comes after four intervals: the times are the file's, not counted
     assert before_ns - 10**12 == 20_083_333_333
 
 
