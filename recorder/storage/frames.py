@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recorder import codec
 from recorder.errors import CodecError, DriveError, UsageError
 from recorder.samples import CameraSettings, Pixels, Stamp
-from recorder.storage.frame_message import HEAD_BYTES, FrameHead, HeadIncomplete, read_head
+from recorder.storage.frame_message import HEAD_BYTES, HEAD_BYTES_MAX, FrameHead, read_head
 from recorder.storage.segment import Entries
 from recorder.storage.stamps import settings_from_proto, stamp_from_proto
 
@@ -141,15 +141,14 @@ class Frames(Sequence[StoredFrame]):
         )
 
     def _head(self, entry: Any) -> FrameHead:
-        size = int(entry["size"])
         message, start = self._drive.access.start(entry, HEAD_BYTES)
         try:
             try:
                 head = read_head(start)
-            except HeadIncomplete:
-                head = read_head(self._drive.access.start(entry, size)[1])
-            if head.data_offset + head.data_size > message.size:
-                raise ValueError("the image is longer than its message")
+            except ValueError:
+                head = read_head(self._drive.access.start(entry, HEAD_BYTES_MAX)[1])
+            if head.data_offset + head.data_size != message.size:
+                raise ValueError("the image does not end with its message")
         except ValueError as error:
             raise DriveError(f"damaged frame: {error}", where=str(self._drive.path)) from error
         return head
