@@ -4,7 +4,8 @@ BIN := .venv/bin
 SOURCES := pyproject.toml CMakeLists.txt $(wildcard recorder/kernels/*.cpp recorder/kernels/*.hpp) \
            $(shell find recorder -type d -not -name __pycache__)
 # the GenICam driver's bindings are built where the libraries for it are there; the demo does without
-ARAVIS := $(shell pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null && ls /usr/lib/*/girepository-1.0/Aravis-0.8.typelib >/dev/null 2>&1 && echo aravis)
+ARAVIS := $(shell pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null && ls /usr/lib/*/girepository-1.0/Aravis-0.8.typelib >/dev/null 2>&1 && echo '[aravis]')
+PIP := $(BIN)/pip install -q --disable-pip-version-check
 
 .PHONY: demo test lint bench proto clean
 demo: .venv/demo.stamp
@@ -24,18 +25,20 @@ bench: .venv/test.stamp
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: make PYTHON=python3.11 ..." >&2; exit 1; }
-	$(PYTHON) -m venv .venv
+	@$(PYTHON) -m venv .venv
 
 .venv/demo.stamp: $(SOURCES) tools/debian_packages.sh
 	@tools/debian_packages.sh demo $(PYTHON)
 	@$(MAKE) --no-print-directory .venv/bin/python
-	$(BIN)/pip install -q --disable-pip-version-check -e '.[$(ARAVIS)]'
+	@echo "building and installing into .venv, a minute or two"
+	@$(PIP) -e '.$(ARAVIS)'
 	@touch $@
 
 .venv/test.stamp: $(SOURCES) tools/debian_packages.sh
 	@tools/debian_packages.sh test $(PYTHON)
 	@$(MAKE) --no-print-directory .venv/bin/python
-	$(BIN)/pip install -q --disable-pip-version-check -e '.[test,aravis]'
+	@echo "building and installing into .venv, a minute or two"
+	@$(PIP) -e '.[test,aravis]'
 	@touch $@ .venv/demo.stamp
 
 clean:
