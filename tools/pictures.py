@@ -13,7 +13,7 @@ import numpy as np
 import recorder
 
 mpl.use("Agg")
-from matplotlib import pyplot as plt  # noqa: E402 - the backend is chosen before
+from matplotlib import pyplot as plt
 
 
 def frame_picture(drive: recorder.Drive, path: Path) -> None:

@@ -3,13 +3,14 @@
 import json
 import os
 import sys
+from typing import cast
 
 import typer
 
 from recorder.cli import commands_drive, commands_record, commands_service
 from recorder.errors import RecorderError
 
-_USAGE_ERROR = typer.BadParameter.__mro__[2]
+_USAGE_ERROR = cast(type[Exception], typer.BadParameter.__mro__[2])
 """Click's ``ClickException``; newer versions of typer carry a click of their own."""
 
 app = typer.Typer(

@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recorder_process import recorder
 
 import recorder as product
+from tests.system.recorder_process import recorder
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from recorder_process import Ran, recorder
 
 import recorder as product
 from recorder.codec import decode
+from tests.system.recorder_process import Ran, recorder
 
 FRAMES = 480
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorder.simulation.nmea_pty import NmeaPty, moving_train
-from recorder.simulation.scene import Scene
-from recorder_process import recorder
 
 import recorder as product
 from recorder.simulation.gige_camera import GigeCameraProcess, aravis_problem
+from recorder.simulation.nmea_pty import NmeaPty, moving_train
+from recorder.simulation.scene import Scene
+from tests.system.recorder_process import recorder
 
 RATE_HZ = 59.82
 SECONDS = 60.0

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recorder.simulation.nmea_pty import NmeaPty, moving_train
-from recorder_process import recorder
 
 from recorder.simulation.gige_camera import GigeCameraProcess, aravis_problem
+from recorder.simulation.nmea_pty import NmeaPty, moving_train
+from tests.system.recorder_process import recorder
 
 
 class Service:

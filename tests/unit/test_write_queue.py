@@ -49,7 +49,12 @@ def test_a_file_waits_for_room() -> None:
     queue = WriteQueue(100)
     queue.put(lambda: line("a"), 100, wait=False)
     passed = threading.Event()
-    thread = threading.Thread(target=lambda: (queue.put(lambda: line("b"), 100, wait=True), passed.set()))
+
+    def put() -> None:
+        queue.put(lambda: line("b"), 100, wait=True)
+        passed.set()
+
+    thread = threading.Thread(target=put)
     thread.start()
     assert not passed.wait(0.1)
     queue.take(0)

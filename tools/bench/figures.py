@@ -1,9 +1,13 @@
-"""The one form in which every bench tells its figures."""
+"""The one form in which every bench tells its figures.
+
+Run as a program it runs every bench and writes docs/figures.md (``make bench``).
+"""
 
 import argparse
 import json
 import platform
 import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -81,3 +85,26 @@ def as_markdown(told: dict[str, Any]) -> str:
             f" {'yes' if figure['meets'] else '**no**'} | {figure['n']} | {peers} |"
         )
     return "\n".join(lines)
+
+
+HEAD = """# Figures
+
+Written by `make bench`; each figure has the bench that makes it, the commit and the machine it ran on.
+"""
+
+
+def main() -> None:
+    """All benches, in the order of their names; options are handed on to each."""
+    parts = [HEAD]
+    for bench in sorted(Path(__file__).parent.glob("*.py")):
+        if bench == Path(__file__):
+            continue
+        print(f"running {bench.name}", file=sys.stderr)
+        command = [sys.executable, str(bench), "--json", *sys.argv[1:]]
+        told = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+        parts.append(as_markdown(json.loads(told.stdout)) + "\n")
+    (ROOT / "docs" / "figures.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from figures import Figure, report
 from mcap.writer import CompressionType, Writer
-from recorder.simulation.nmea_pty import NmeaPty, moving_train
-from recorder.simulation.scene import Scene
 
 from recorder import open_drive
 from recorder.simulation.gige_camera import GigeCameraProcess
+from recorder.simulation.nmea_pty import NmeaPty, moving_train
+from recorder.simulation.scene import Scene
 from recorder.storage import verify
 
 RATE_HZ = 59.82
@@ -57,8 +57,8 @@ def record(frames: Path, pixel_format: str, seconds: float) -> Run:
     ):
         command = [
             sys.executable, "-m", "recorder", "record", f"genicam://{camera.address}",
-            "--nmea", str(gnss.path), "--pixel-format", pixel_format, "--rate", str(RATE_HZ), "--seconds", str(seconds),
-            "--out", out, "--json",
+            "--nmea", str(gnss.path), "--pixel-format", pixel_format, "--rate", str(RATE_HZ),
+            "--seconds", str(seconds), "--out", out, "--json",
         ]  # fmt: skip
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert process.stdout is not None
@@ -94,7 +94,7 @@ def plain_mcap_cores(frames: np.ndarray, seconds: float) -> float:
         before = time.process_time()
         for number in range(count):
             writer.add_message(channel, number, frames[number % len(frames)].tobytes(), number)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
         return (time.process_time() - before) / seconds
 
 
