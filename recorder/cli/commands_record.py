@@ -34,6 +34,8 @@ def demo(
     from recorder.cli.demo_rig import demo_rig
     from recorder.storage import inspect, open_drive, verify
 
+    if not json:
+        print("rendering a stretch of line", flush=True)
     with demo_rig(rig, out) as demo:
         if not json:
             print(f"recording {seconds:g} s of {demo.told}", flush=True)
@@ -47,7 +49,8 @@ def demo(
         print_json({"drive": str(outcome.drive), "verify": verification.to_dict(), **inspection.to_dict()})
     else:
         print_outcome(outcome, inspection)
-        print("verified: every frame decodes to the pixels that were recorded" if verification.ok else "")
+        if verification.ok:
+            print("verified: every frame decodes to the pixels that were recorded")
         print(outcome.drive)
     for line in failures:
         print(f"recorder: {line}", file=sys.stderr)
