@@ -1,8 +1,10 @@
 # Two commands: `make demo` records a demo drive, `make test` runs the tests.
 PYTHON ?= python3
 BIN := .venv/bin
-SOURCES := pyproject.toml CMakeLists.txt $(wildcard recorder/kernels/*.cpp recorder/kernels/*.hpp) \
-           $(shell find recorder -type d -not -name __pycache__)
+# an editable install knows the modules that were there: a new name installs again, an edit does not
+NAMES := $(shell mkdir -p build && find recorder -name '*.py' | sort > build/names.new && \
+           { cmp -s build/names.new build/names || mv build/names.new build/names; }; echo build/names)
+SOURCES := pyproject.toml CMakeLists.txt $(wildcard recorder/kernels/*.cpp recorder/kernels/*.hpp) $(NAMES)
 # the GenICam driver's bindings are built where the libraries for it are there; the demo does without
 ARAVIS := $(shell pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null && ls /usr/lib/*/girepository-1.0/Aravis-0.8.typelib >/dev/null 2>&1 && echo '[aravis]')
 PIP := $(BIN)/pip install -q --disable-pip-version-check

@@ -17,11 +17,14 @@ from recorder.errors import ConfigError
 
 CAMERA_NAMES = ("front", "tag")
 
+FilePath = Annotated[Path, Field(strict=False)]
+"""Text in the file; everything else must have its type already."""
+
 
 class Section(BaseModel):
     """A part of the configuration: frozen, nothing unknown in it."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True)
 
 
 class CameraSection(Section):
@@ -35,7 +38,7 @@ class CameraSection(Section):
     """Columns; the camera's largest if absent."""
     height: Annotated[int, Field(ge=1, le=65535)] | None = None
     """Rows; the camera's largest if absent."""
-    rate_hz: Annotated[float, Field(gt=0, le=10_000)] | None = None
+    rate_hz: Annotated[float, Field(ge=0.01, le=10_000)] | None = None
     """Frames a second; the camera's own if absent."""
     exposure_us: Annotated[float, Field(gt=0, le=1e7)] | None = None
     """The camera's own if absent."""
@@ -43,10 +46,28 @@ class CameraSection(Section):
     """In the camera's own units."""
     packet_bytes: Annotated[int, Field(ge=576, le=9000)] | None = None
     """GigE Vision packet size; negotiated if absent."""
-    times: Path | None = None
+    times: FilePath | None = None
     """For a file source: a CSV with the times of its images, column ``time_ns`` or ``time_s``."""
     realtime: bool = True
     """For a file source: play at its own pace rather than as fast as it can be stored."""
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the source is a file rather than a camera."""
+        return not self.source.startswith("genicam:")
+
+    @model_validator(mode="after")
+    def _every_key_does_something(self) -> "CameraSection":
+        only_cameras = ("width", "height", "exposure_us", "gain", "packet_bytes")
+        set_in_vain = [key for key in only_cameras if self.is_file and getattr(self, key) is not None]
+        if self.is_file and self.pixel_format != "auto":
+            set_in_vain.append("pixel_format")
+        if not self.is_file and self.times is not None:
+            set_in_vain.append("times")
+        if set_in_vain:
+            kind = "a file" if self.is_file else "a camera"
+            raise ValueError(f"{', '.join(set_in_vain)} cannot be set for {kind} ({self.source})")
+        return self
 
 
 class GnssSection(Section):
@@ -101,7 +122,7 @@ class CodecSection(Section):
 class StorageSection(Section):
     """Where drives go and how they are cut."""
 
-    out: Path = Path("/var/lib/recorder/drives")
+    out: FilePath = Path("/var/lib/recorder/drives")
     """The folder that holds the drives."""
     segment_seconds: Annotated[float, Field(ge=1, le=3600)] = 60.0
     segment_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = 4 << 30
@@ -127,7 +148,7 @@ class RealtimeSection(Section):
 class ServiceSection(Section):
     """The running service."""
 
-    socket: Path | None = None
+    socket: FilePath | None = None
     """Of ``recorder status``; ``$RECORDER_SOCKET`` or /run/recorder/status.sock if absent."""
     retry_seconds: Annotated[float, Field(gt=0, le=60)] = 0.5
     """First wait before a failed device is tried again; doubles up to ``retry_max_seconds``."""

@@ -1,11 +1,13 @@
 """Fixtures that every tier uses."""
 
 import gc
+import signal
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -13,47 +15,52 @@ _SETTLE_S = 3.0
 """Threads of pools and of libraries need a moment to be gone after they were told to end."""
 
 
-def _open_files() -> dict[str, str]:
-    """What each file descriptor of this process points to."""
-    found = {}
+def _open_files() -> set[tuple[str, str]]:
+    """Descriptors of this process and what each points to, but the one that lists them."""
+    found = set()
     for link in Path("/proc/self/fd").iterdir():
         try:
-            found[link.name] = str(link.readlink())
+            target = str(link.readlink())
         except OSError:
-            continue  # the descriptor that lists the folder
-    return {number: target for number, target in found.items() if not _harmless(target)}
-
-
-def _harmless(target: str) -> bool:
-    """Descriptors that belong to the process as such: opened once by a library or the test runner."""
-    return target.startswith(
-        ("/dev/null", "/dev/urandom", "anon_inode:", "/proc/", "/tmp/pytest-capture")
-    ) or ("(deleted)" in target)
+            continue
+        if not target.startswith("/proc/"):
+            found.add((link.name, target))
+    return found
 
 
 def _shared_memory() -> set[str]:
     return {entry.name for entry in Path("/dev/shm").iterdir()}
 
 
+def _handlers() -> dict[int, object]:
+    return {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+
+
 @pytest.fixture(autouse=True)
 def no_leaks() -> Iterator[None]:
-    """Fail a test that leaves a thread, a file, a socket or shared memory behind."""
+    """Fail a test that leaves a thread, a process, a file, a socket, shared memory or a signal handler behind."""
     threads = set(threading.enumerate())
-    files = set(_open_files().items())
-    memory = _shared_memory()
+    children = set(psutil.Process().children(recursive=True))
+    files, memory, handlers = _open_files(), _shared_memory(), _handlers()
     yield
     end = time.monotonic() + _SETTLE_S
     while True:
         gc.collect()
-        left_threads = [thread.name for thread in threading.enumerate() if thread not in threads]
-        left_files = sorted(target for number, target in set(_open_files().items()) - files)
-        left_memory = sorted(_shared_memory() - memory)
-        if not (left_threads or left_files or left_memory):
+        left = {
+            "threads": [thread.name for thread in threading.enumerate() if thread not in threads],
+            "processes": [child.pid for child in set(psutil.Process().children(recursive=True)) - children],
+            "files": sorted(target for _, target in _open_files() - files),
+            "shared memory": sorted(_shared_memory() - memory),
+            "signal handlers": [
+                number for number, handler in _handlers().items() if handler != handlers[number]
+            ],
+        }
+        if not any(left.values()):
             return
         if time.monotonic() > end:
             break
         time.sleep(0.05)
-    pytest.fail(f"left behind: threads {left_threads}, files {left_files}, shared memory {left_memory}")
+    pytest.fail(f"left behind: { {what: found for what, found in left.items() if found} }")
 
 
 @pytest.fixture

@@ -45,6 +45,11 @@ def _run(arguments: list[str]) -> int:
         return 1
     except _USAGE_ERROR as error:
         return _fail(_usage(error), 2, arguments)
+    except Exception as error:
+        if os.environ.get("RECORDER_DEBUG"):
+            raise
+        line = f"unexpected {type(error).__name__}: {error}; a fault of ours, RECORDER_DEBUG=1 tells more"
+        return _fail(line, 1, arguments)
     return int(code or 0)
 
 

@@ -40,11 +40,11 @@ def demo(
         if not json:
             print(f"recording {seconds:g} s of {demo.told}", flush=True)
         outcome = record_one(demo.settings, demo.drivers, seconds=seconds, label="recording")
+    print_failures(outcome)
     with open_drive(outcome.drive) as drive:
         with progress("verifying") as report:
             verification = verify(drive, progress=report)
         inspection = inspect(drive)
-    failures = [*map(str, outcome.failures), *verification.problems]
     if json:
         print_json({"drive": str(outcome.drive), "verify": verification.to_dict(), **inspection.to_dict()})
     else:
@@ -52,9 +52,9 @@ def demo(
         if verification.ok:
             print("verified: every frame decodes to the pixels that were recorded")
         print(outcome.drive)
-    for line in failures:
+    for line in verification.problems:
         print(f"recorder: {line}", file=sys.stderr)
-    return 0 if verification.ok and not failures and verification.frames else 1
+    return 0 if verification.ok and not outcome.failures and verification.frames else 1
 
 
 def record(
@@ -111,27 +111,32 @@ def record(
     empty = not any(topic in inspection.topics for topic in _data_topics(settings))
     if empty and not outcome.failures:
         outcome.failures.append(RecorderError("nothing was recorded: no device said anything"))
+    print_failures(outcome)
     if json:
         errors = [str(failure) for failure in outcome.failures]
         print_json({"drive": str(outcome.drive), "errors": errors, **inspection.to_dict()})
     else:
         print_outcome(outcome, inspection)
         print(outcome.drive)
-    for failure in outcome.failures:
-        print(f"recorder: {failure}", file=sys.stderr)
     return 1 if outcome.failures else 0
+
+
+def print_failures(outcome: "Outcome") -> None:
+    """What went wrong, before anything else that may."""
+    for failure in outcome.failures:
+        print(f"recorder: {failure}", file=sys.stderr, flush=True)
 
 
 def record_one(
     settings: "Settings", drivers: Sequence["Driver"], *, seconds: float | None, label: str
 ) -> "Outcome":
-    """A whole one-shot recording; SIGINT and SIGTERM end it cleanly."""
+    """A whole one-shot recording; SIGINT, SIGTERM and SIGHUP end it cleanly."""
     from recorder.service.recording import Recording
 
     stop = threading.Event()
     recording = Recording(settings, drivers, one_shot=True)
     with stop_on_signals(stop), progress(label) as report:
-        recording.start()
+        recording.start(stop)
         timer = threading.Timer(seconds, stop.set) if seconds else None
         if timer:
             timer.start()
@@ -147,9 +152,15 @@ def record_one(
 
 @contextmanager
 def stop_on_signals(stop: threading.Event) -> Iterator[None]:
-    """While inside, SIGTERM and SIGINT set ``stop`` instead of ending the process."""
-    signals = (signal.SIGTERM, signal.SIGINT)
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in signals}
+    """While inside, SIGTERM, SIGINT and SIGHUP set ``stop``; a second SIGINT ends the process at once."""
+
+    def handle(number: int, _: object) -> None:
+        stop.set()
+        if number == signal.SIGINT:
+            signal.signal(number, signal.default_int_handler)
+
+    signals = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+    before = {number: signal.signal(number, handle) for number in signals}
     try:
         yield
     finally:

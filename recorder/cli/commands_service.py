@@ -1,14 +1,14 @@
 """``recorder run``, ``recorder status`` and ``recorder config``: the service."""
 
 import logging
-import sys
 import threading
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from recorder.cli.commands_record import print_outcome, stop_on_signals
+from recorder.cli.commands_record import print_failures, stop_on_signals
+from recorder.cli.log import log_to_stderr
 from recorder.cli.output import Json, print_json, print_table, size
 
 
@@ -30,14 +30,12 @@ def run(
     from recorder.service.build import build_drivers
     from recorder.service.recording import Recording
     from recorder.service.status import StatusServer, socket_path
-    from recorder.storage import inspect, open_drive
 
-    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(message)s")
     settings = load(config)
     stop = threading.Event()
     recording = Recording(settings, build_drivers(settings, clock=SYSTEM_CLOCK), one_shot=False)
     server = StatusServer(socket_path(settings.service.socket), recording.status)
-    with stop_on_signals(stop):
+    with stop_on_signals(stop), log_to_stderr():
         server.start()
         try:
             drive = recording.start()
@@ -46,17 +44,17 @@ def run(
             outcome = recording.close()
         finally:
             server.close()
+    print_failures(outcome)
     if json:
         errors = [str(failure) for failure in outcome.failures]
-        print_json(
-            {"drive": str(outcome.drive), "errors": errors, "frames": outcome.frames, "lost": outcome.lost}
-        )
+        told = {"messages": outcome.messages, "lost": outcome.lost}
+        print_json({"drive": str(outcome.drive), "errors": errors, **told})
     else:
-        with open_drive(outcome.drive) as closed:
-            print_outcome(outcome, inspect(closed))
+        topics = sorted({*outcome.messages, *outcome.lost})
+        rows = [(topic, outcome.messages.get(topic, 0), outcome.lost.get(topic, "")) for topic in topics]
+        title = f"{outcome.drive.name}: {outcome.seconds:.1f} s"
+        print_table(title, ("topic", "messages", "lost"), rows)
         print(outcome.drive)
-    for failure in outcome.failures:
-        print(f"recorder: {failure}", file=sys.stderr)
     return 1 if outcome.failures else 0
 
 

@@ -61,7 +61,6 @@ class FileCamera:
             source.close()
             raise self._uneven(len(listed), source.count)
         self._source, self._listed = source, listed
-        self._origin_raw_ns = self._clock.raw_ns() if self._given_origin is None else self._given_origin
 
     def samples(self) -> Iterator[Sample | None]:
         """All images that can be read; those that cannot are a `Loss` each.
@@ -70,6 +69,8 @@ class FileCamera:
         not to fit a file that does not announce its length.
         """
         source = self._opened()
+        # not at open: the recording may begin later, and a paced file must not have to catch up
+        self._origin_raw_ns = self._clock.raw_ns() if self._given_origin is None else self._given_origin
         times = MediaTimes(self._listed, self._rate(source))
         start_ns: int | None = None
         missing: list[MissingImages] = []
@@ -165,6 +166,9 @@ class FileCamera:
 
 def _open(path: Path) -> ImageSource:
     """The kind of source that ``path`` is. Raises `SourceError`."""
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for, for ever
+        todo = "give a video, a folder of images or a .npy stack"
+        raise SourceError("neither a file nor a folder", where=str(path), todo=todo)
     if path.suffix.lower() == ".npy":
         return ImageStack(path)
     if path.is_dir() or (path.suffix.lower() in SUFFIXES and path.is_file()):

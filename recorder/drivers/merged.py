@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from recorder.drivers.base import Driver
-from recorder.errors import RecorderError
+from recorder.errors import DeviceLost, RecorderError
 from recorder.samples import ClockPair, Health, Loss, Sample, UtcTime
 
 
@@ -41,16 +41,16 @@ class Merged:
     """File drivers as one driver whose samples come in the order of their ``raw_ns``.
 
     They must have been made with one common origin. A sample without a time follows the one
-    before it; an error follows all samples up to the last one of the driver that raised it, and ends
-    the rest. Nothing is read ahead but one sample a driver. With drivers that play at their own pace the
+    before it. One that fails ends, the others go on to their ends; then the error is raised.
+    Nothing is read ahead but one sample a driver. With drivers that play at their own pace the
     waits add up, so a sample may be late by the others' step (0.2 s at most); the order stands.
     """
 
     live = False
-    name = "replay"
 
     def __init__(self, drivers: Sequence[Driver]) -> None:
         self._drivers = tuple(drivers)
+        self.name = "+".join(driver.name for driver in drivers)
 
     def open(self) -> None:
         """Open all or none. Raises what the first that fails raises."""
@@ -61,7 +61,9 @@ class Merged:
             opened.pop_all()
 
     def samples(self) -> Iterator[Sample | None]:
+        """Raises at the end what the first that failed raised; of several, one that tells of all."""
         lanes = [_Lane(iter(driver.samples())) for driver in self._drivers]
+        errors: list[RecorderError] = []
         while lanes:
             for lane in lanes:
                 while lane.head is None and not lane.ended:
@@ -69,12 +71,19 @@ class Merged:
                         yield None
             lanes = [lane for lane in lanes if not lane.ended]
             if not lanes:
-                return
+                break
             first = min(lanes, key=_order)
             head, first.head = first.head, None
             if isinstance(head, RecorderError):
-                raise head
-            yield head
+                first.ended = True
+                errors.append(head)
+            else:
+                yield head
+            lanes = [lane for lane in lanes if not lane.ended]
+        if len(errors) > 1:
+            raise DeviceLost("; ".join(map(str, errors)))
+        if errors:
+            raise errors[0]
 
     def describe(self) -> Mapping[str, str]:
         return {

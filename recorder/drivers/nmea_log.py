@@ -53,6 +53,9 @@ class NmeaLog:
         """Open the log and look for a first sound sentence. Raises `SourceError`."""
         self.close()
         try:
+            if self._path.exists() and not self._path.is_file():  # a pipe would be waited for, for ever
+                todo = "give the path of an NMEA log"
+                raise SourceError("not a file", where=str(self._path), todo=todo)
             self._file = self._path.open("rb")
             sound = any(not sentence.problem for sentence in _sentences(self._file))
             self._file.seek(0)

@@ -15,28 +15,28 @@ from recorder.drivers.nmea_log import NmeaLog
 
 
 def build_drivers(settings: Settings, *, clock: Clock) -> Sequence[Driver]:
-    """One driver a device. Files start at the same instant; those that are not paced are
-    merged into one, so that a fast replay interleaves them as they happened."""
+    """One driver a device. Files that are not paced are merged into one with a common origin, so
+    that a fast replay interleaves them as they happened; paced ones start when they are asked."""
     origin_raw_ns = clock.raw_ns()
     paced: list[Driver] = []
     fast: list[Driver] = []
     for name, camera in settings.drivers.camera.items():
-        driver = _camera(name, camera, origin_raw_ns, clock)
+        driver = _camera(name, camera, None if camera.realtime else origin_raw_ns, clock)
         (paced if driver.live or camera.realtime else fast).append(driver)
     gnss = settings.drivers.gnss
     if gnss is not None:
-        driver = _gnss(gnss, origin_raw_ns, clock)
+        driver = _gnss(gnss, None if gnss.realtime else origin_raw_ns, clock)
         (paced if driver.live or gnss.realtime else fast).append(driver)
     return [*paced, *([Merged(fast)] if len(fast) > 1 else fast)]
 
 
-def _camera(name: str, settings: CameraSection, origin_raw_ns: int, clock: Clock) -> Driver:
-    if settings.source.startswith("genicam:"):
-        return GenicamCamera(name, settings, clock=clock)
-    return FileCamera(name, settings, origin_raw_ns=origin_raw_ns, clock=clock)
+def _camera(name: str, settings: CameraSection, origin_raw_ns: int | None, clock: Clock) -> Driver:
+    if settings.is_file:
+        return FileCamera(name, settings, origin_raw_ns=origin_raw_ns, clock=clock)
+    return GenicamCamera(name, settings, clock=clock)
 
 
-def _gnss(settings: GnssSection, origin_raw_ns: int, clock: Clock) -> Driver:
+def _gnss(settings: GnssSection, origin_raw_ns: int | None, clock: Clock) -> Driver:
     path = Path(settings.source.removeprefix("serial://"))
     if is_serial(settings.source):
         return GnssReceiver(settings.model_copy(update={"source": str(path)}), clock=clock)

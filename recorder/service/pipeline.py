@@ -1,6 +1,8 @@
 """From a device's sample to a record on disk: stamp, encode, queue, write."""
 
+import logging
 import threading
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -11,10 +13,12 @@ from recorder.codec import encode
 from recorder.config import Settings
 from recorder.errors import RecorderError, StorageError
 from recorder.realtime.preview import preview
-from recorder.samples import EncodedFrame, Fix, Frame, Loss, LossCause, Record, Sample
+from recorder.samples import EncodedFrame, Fix, Frame, LogLine, Loss, LossCause, Record, Sample
 from recorder.service.queue import Entry, WriteQueue
 from recorder.storage import DriveWriter
 from recorder.timebase import Timebase
+
+_log = logging.getLogger("recorder.pipeline")
 
 _SMALL = 1024
 """What a record other than a frame counts for in the queue, bytes; most are shorter."""
@@ -38,28 +42,27 @@ class Pipeline:
         self._encoders = ThreadPoolExecutor(settings.codec.workers, thread_name_prefix="encode")
         self._previewer = ThreadPoolExecutor(1, thread_name_prefix="preview")
         self._preview_due_ns: dict[str, int] = {}
+        self._previewing: dict[str, Future[None]] = {}
+        self._last_raw_ns: dict[str, int] = {}
+        self._counting = threading.Lock()
         self._refused: dict[str, Loss] = {}
+        self._lost: Counter[str] = Counter()
+        self._frames: Counter[str] = Counter()
         self._thread = threading.Thread(target=self._write_all, name="write")
         self.failure: RecorderError | None = None
         self.failed = threading.Event()
-        self.frames: dict[str, int] = {}
-        """Frames written, by camera."""
-        self.lost: dict[str, int] = {}
-        """Samples stated as lost, by topic."""
+        self.synced_raw_ns = clock.raw_ns()
+        """When the last forcing to disk was done, on our clock: what the watchdog looks at."""
+        self.lost_raw_ns: int | None = None
+        """When a sample was last stated as lost."""
 
     def start(self) -> None:
         self._thread.start()
 
-    @property
-    def queue_bytes(self) -> int:
-        """Held between the devices and the disk just now."""
-        return self._queue.held_bytes
-
     def close(self) -> None:
         """Write what is queued, close the drive, end all threads."""
-        for topic in list(self._refused):
-            self._state_refused(topic)
-        self._previewer.shutdown(wait=True)
+        self.state_refused()
+        self._previewer.shutdown(wait=True, cancel_futures=True)
         self._queue.close()
         if self._thread.is_alive():
             self._thread.join()
@@ -69,65 +72,105 @@ class Pipeline:
         except StorageError as error:
             self.failure = self.failure or error
 
-    def take(self, sample: Sample, *, live: bool) -> None:
-        """One sample of a device. ``live``: it cannot wait, what does not fit is lost and stated."""
+    @property
+    def frames(self) -> dict[str, int]:
+        """Frames written, by camera."""
+        with self._counting:
+            return dict(self._frames)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Samples lost, by topic; counted when they are, also before the drive says so."""
+        with self._counting:
+            return dict(self._lost)
+
+    @property
+    def queue_bytes(self) -> int:
+        """Held between the devices and the disk just now."""
+        return self._queue.held_bytes
+
+    def take(self, sample: Sample, *, live: bool) -> bool:
+        """One sample of a device; False if it had to be left out, which is then stated.
+
+        ``live``: the device cannot wait. A file's samples wait for room instead.
+        """
         if isinstance(sample, Frame):
-            stamp = self._timebase.complete(sample.stamp, frame=True)
-            self._take_frame(replace(sample, stamp=stamp), live=live)
-            return
-        self.put(sample)
+            return self._take_frame(self._stamped(sample), live=live)
+        self.put(sample, wait=not live)
         if isinstance(sample, Fix):
             utc = self._timebase.observe(sample)
             if utc is not None:
-                self.put(utc)
+                self.put(utc, wait=not live)
+        return True
 
-    def put(self, record: Record) -> None:
-        """Queue a record that is never dropped."""
+    def put(self, record: Record, *, wait: bool = False) -> None:
+        """Queue a record that is never left out; ``wait`` for room if it can."""
         if isinstance(record, Loss):
-            self.lost[record.stream] = self.lost.get(record.stream, 0) + record.count
-        self._queue.put(lambda: record, _SMALL, wait=False, required=True)
+            self._count_lost(record.stream, record.count)
+        self._queue.put(lambda: record, _SMALL, wait=wait, required=not wait)
 
     def call(self, do: Callable[[], None]) -> None:
         """Have the writer thread do something in its turn: the writer belongs to it alone."""
         self._queue.put(lambda: do, _SMALL, wait=False, required=True)
 
-    def _take_frame(self, frame: Frame, *, live: bool) -> None:
+    def state_refused(self) -> None:
+        """Put what was left out so far into the ledger, also while it goes on."""
+        with self._counting:
+            pending, self._refused = self._refused, {}
+        for loss in pending.values():
+            self._queue.put(partial(_itself, loss), _SMALL, wait=False, required=True)
+
+    def _stamped(self, frame: Frame) -> Frame:
+        """With its times complete. A camera's raw time goes forward, whatever a stamp says."""
+        stamp = self._timebase.complete(frame.stamp, frame=True)
+        last_ns = self._last_raw_ns.get(frame.camera)
+        if stamp.raw_ns is not None:
+            if last_ns is not None and stamp.raw_ns <= last_ns:
+                stamp = replace(stamp, raw_ns=last_ns + 1)
+            self._last_raw_ns[frame.camera] = stamp.raw_ns or 0
+        return replace(frame, stamp=stamp)
+
+    def _take_frame(self, frame: Frame, *, live: bool) -> bool:
         def start() -> Entry:
             return self._encoders.submit(self._encode, frame)
 
         # pixels until encoded, the image from then on: the larger of the two bounds the memory
-        if self._queue.put(start, frame.pixels.nbytes, wait=not live):
-            self._state_refused(frame.topic)
-            self._offer_preview(frame, live=live)
-        else:
+        if not self._queue.put(start, frame.pixels.nbytes, wait=not live):
             self._refuse(frame)
+            return False
+        if self._refused:
+            self.state_refused()
+        self._offer_preview(frame)
+        return True
 
     def _refuse(self, frame: Frame) -> None:
         """Remember a frame that found no room, in one loss with its neighbours."""
-        pending = self._refused.get(frame.topic)
-        if pending is not None and pending.last_id + 1 == frame.id:
-            pending = replace(pending, last_id=frame.id, last_raw_ns=frame.stamp.raw_ns)
-        else:
-            self._state_refused(frame.topic)
-            raw_ns = frame.stamp.raw_ns
-            pending = Loss(
-                frame.topic, frame.id, frame.id, raw_ns, raw_ns, LossCause.QUEUE, "encoder or disk too slow"
+        raw_ns = frame.stamp.raw_ns
+        self._count_lost(frame.topic, 1)
+        with self._counting:
+            pending = self._refused.get(frame.topic)
+            if pending is not None and pending.last_id + 1 == frame.id:
+                self._refused[frame.topic] = replace(pending, last_id=frame.id, last_raw_ns=raw_ns)
+                return
+        self.state_refused()
+        detail = "encoder or disk too slow"
+        with self._counting:
+            self._refused[frame.topic] = Loss(
+                frame.topic, frame.id, frame.id, raw_ns, raw_ns, LossCause.QUEUE, detail
             )
-        self._refused[frame.topic] = pending
 
-    def _state_refused(self, topic: str) -> None:
-        pending = self._refused.pop(topic, None)
-        if pending is not None:
-            self.put(pending)
+    def _count_lost(self, topic: str, count: int) -> None:
+        with self._counting:
+            self._lost[topic] += count
+            self.lost_raw_ns = self._clock.raw_ns()
 
     def _encode(self, frame: Frame) -> Record:
         """In a worker: compress, or say that it could not be done."""
         codec = self._settings.codec
         try:
             data = encode(frame.pixels, bit_depth=frame.bit_depth, model=codec.model, k=codec.k)
-        except (RecorderError, ValueError) as error:
-            raw_ns = frame.stamp.raw_ns
-            return Loss(frame.topic, frame.id, frame.id, raw_ns, raw_ns, LossCause.ENCODER, str(error))
+        except Exception as error:  # whatever it is, it costs this frame and no other
+            return self._lost_to_encoder(frame, f"{type(error).__name__}: {error}")
         height, width = frame.pixels.shape
         return EncodedFrame(
             camera=frame.camera,
@@ -140,18 +183,30 @@ class Pipeline:
             data=data,
         )
 
-    def _offer_preview(self, frame: Frame, *, live: bool) -> None:
-        """Now and then, beside the recording: nothing waits for a preview."""
+    def _lost_to_encoder(self, frame: Frame | EncodedFrame, detail: str) -> Loss:
+        raw_ns = frame.stamp.raw_ns
+        self._count_lost(frame.topic, 1)
+        return Loss(frame.topic, frame.id, frame.id, raw_ns, raw_ns, LossCause.ENCODER, detail)
+
+    def _offer_preview(self, frame: Frame) -> None:
+        """Now and then, beside the recording: nothing waits for a preview, a late one is left out."""
         realtime = self._settings.realtime
         raw_ns = frame.stamp.raw_ns or 0
         if not realtime.preview_hz or raw_ns < self._preview_due_ns.get(frame.camera, 0):
             return
+        busy = self._previewing.get(frame.camera)
+        if busy is not None and not busy.done():
+            return
         self._preview_due_ns[frame.camera] = raw_ns + round(1e9 / realtime.preview_hz)
-        self._previewer.submit(self._make_preview, frame)
+        self._previewing[frame.camera] = self._previewer.submit(self._make_preview, frame)
 
     def _make_preview(self, frame: Frame) -> None:
         realtime = self._settings.realtime
-        picture = preview(frame, max_width=realtime.preview_width, quality=realtime.preview_quality)
+        try:
+            picture = preview(frame, max_width=realtime.preview_width, quality=realtime.preview_quality)
+        except Exception as error:
+            _log.warning("no preview of %s: %s", frame.camera, error)
+            return
         self._queue.put(lambda: picture, len(picture.jpeg), wait=False)
 
     def _write_all(self) -> None:
@@ -161,22 +216,38 @@ class Pipeline:
         while not self._queue.drained:
             entry = self._queue.take(max(0.0, (due_ns - self._clock.raw_ns()) / 1e9))
             if entry is not None:
-                self._guarded(partial(self._write, entry[0]))
+                self._write(entry[0])
                 self._queue.done(entry[1])
             if self._clock.raw_ns() >= due_ns:
-                self._guarded(self._writer.sync)
+                self._guarded(self._sync)
                 due_ns = self._clock.raw_ns() + period_ns
 
     def _write(self, entry: Entry) -> None:
+        """One entry in its turn. After the disk has failed: count what is lost with it."""
         record = entry.result() if isinstance(entry, Future) else entry
         if callable(record):
-            record()
+            self._guarded(record)
             return
-        if isinstance(record, Loss) and record.cause is LossCause.ENCODER:
-            self.lost[record.stream] = self.lost.get(record.stream, 0) + 1
-        self._writer.write(record)
+        try:
+            self._guarded(partial(self._writer.write, record))
+        except Exception as error:  # a record that cannot be put into bytes costs itself and no other
+            problem = f"{type(error).__name__}: {error}"
+            _log.error("a %s cannot be written: %s", type(record).__name__, problem)
+            if isinstance(record, EncodedFrame):
+                self._guarded(partial(self._writer.write, self._lost_to_encoder(record, problem)))
+            line = LogLine(self._clock.raw_ns(), "error", "pipeline", f"not written: {problem}")
+            self._guarded(partial(self._writer.write, line))
+            return
         if isinstance(record, EncodedFrame):
-            self.frames[record.camera] = self.frames.get(record.camera, 0) + 1
+            if self.failed.is_set():
+                self._count_lost(record.topic, 1)
+            else:
+                with self._counting:
+                    self._frames[record.camera] += 1
+
+    def _sync(self) -> None:
+        self._writer.sync()
+        self.synced_raw_ns = self._clock.raw_ns()
 
     def _guarded(self, step: Callable[[], None]) -> None:
         """Do one step of the writer unless the disk has failed."""
@@ -184,11 +255,10 @@ class Pipeline:
             return
         try:
             step()
-        except RecorderError as error:
-            self._fail(error)
-        except Exception as error:  # a bug of ours must not leave a writer that silently does nothing
-            self._fail(StorageError(f"writing failed: {type(error).__name__}: {error}"))
+        except StorageError as error:
+            self.failure = error
+            self.failed.set()
 
-    def _fail(self, error: RecorderError) -> None:
-        self.failure = error
-        self.failed.set()
+
+def _itself(record: Record) -> Record:
+    return record

@@ -17,7 +17,7 @@ class WriteQueue:
 
     Device threads put, the writer thread takes; one lock, never held while waiting for a
     worker or the disk. At the bound a live frame is refused (the caller states the loss), a
-    file's frame waits, and everything else, a few hundred bytes a second, is always taken.
+    file's sample waits, and what else a live device says, some hundred bytes a second, is taken.
     """
 
     def __init__(self, bound_bytes: int) -> None:
@@ -26,7 +26,6 @@ class WriteQueue:
         self._bytes = 0
         self._changed = threading.Condition()
         self._closed = False
-        self.peak_bytes = 0
 
     def put(self, make: Callable[[], Entry], size: int, *, wait: bool, required: bool = False) -> bool:
         """Queue what ``make`` returns, called only if there is room; False if there is none.
@@ -46,7 +45,6 @@ class WriteQueue:
                 return False
             self._entries.append((make(), size))
             self._bytes += size
-            self.peak_bytes = max(self.peak_bytes, self._bytes)
             self._changed.notify_all()
             return True
 

@@ -20,7 +20,7 @@ from recorder.samples import DeviceState, Health, LogLine, Sample
 from recorder.service.housekeeping import Chore, Housekeeping
 from recorder.service.notify import notify, watchdog_period_s
 from recorder.service.pipeline import Pipeline
-from recorder.service.supervisor import Policy, Supervisor
+from recorder.service.supervisor import Supervisor
 from recorder.service.versions import versions
 from recorder.storage import DriveHead, DriveWriter
 from recorder.timebase import Timebase, wall_clock_error_ns
@@ -29,8 +29,13 @@ _log = logging.getLogger("recorder")
 _log.addHandler(logging.NullHandler())  # who wants to see the events says so (`recorder run` does)
 
 _HEALTH_PERIOD_S = 10.0
+_STATE_LOSSES_S = 1.0
+"""A loss that is still going on is put into the drive as often."""
+_DISK_FIGURES_S = 2.0
 _DISK_STUCK_NS = 10_000_000_000
-"""The watchdog is not fed if nothing has become durable for so long."""
+"""The watchdog is not fed if nothing was forced to disk for so long."""
+_LATELY_NS = 10_000_000_000
+"""Samples lost within this are told as a problem."""
 _TRUSTED_WALL_CLOCK_NS = 1_000_000_000
 """A drive is named after the wall clock only if the kernel states an error below this."""
 
@@ -41,8 +46,10 @@ class Outcome:
 
     drive: Path
     seconds: float
-    frames: dict[str, int]
+    messages: dict[str, int]
+    """Written, by topic."""
     lost: dict[str, int]
+    """Lost, by topic."""
     failures: list[RecorderError] = field(default_factory=list)
 
 
@@ -52,8 +59,6 @@ class Recording:
     ``one_shot``: every device must open, or nothing is recorded; one that fails later ends,
     the others go on; the recording is `finished` when all have ended. Otherwise (the service)
     it starts with what there is and devices are tried again for ever.
-
-    ``on_started`` gets the drive's path once, when the drive exists.
     """
 
     def __init__(
@@ -72,7 +77,7 @@ class Recording:
                 take=self._take,
                 tell=self._tell,
                 settings=settings.service,
-                policy=Policy(retry=not one_shot),
+                retry=not one_shot,
                 stop=self._stop,
                 go=self._go,
                 clock=clock,
@@ -80,13 +85,21 @@ class Recording:
             for driver in drivers
         ]
         self._housekeeping = Housekeeping(self._chores(), clock=clock)
+        # a thread of its own: asking a dead disk for its free space may never return
+        self._disk_watch = Housekeeping(
+            [Chore("disk", _DISK_FIGURES_S, self._look_at_disk)], clock=clock, name="disk"
+        )
+        self._disk: dict[str, Any] = {}
         self._started_raw_ns = clock.raw_ns()
 
-    def start(self) -> Path:
-        """Begin; returns the drive's path. Raises the first error if it cannot, leaving nothing behind."""
+    def start(self, stop: threading.Event | None = None) -> Path:
+        """Begin; returns the drive's path. Raises the first error if it cannot, leaving nothing behind.
+
+        ``stop`` set meanwhile ends the wait for devices that take long to open.
+        """
         try:
             if self._one_shot:
-                self._open_all()
+                self._open_all(stop or threading.Event())
             writer = DriveWriter(self._settings.storage, self._head(), clock=self._clock)
         except BaseException:
             self._stop_devices()
@@ -95,6 +108,7 @@ class Recording:
         self._pipeline = Pipeline(self._settings, self._timebase, writer, clock=self._clock)
         self._pipeline.start()
         self._housekeeping.start()
+        self._disk_watch.start()
         if self._one_shot:
             for device in self._devices:
                 self._tell(device.now())
@@ -122,9 +136,12 @@ class Recording:
         assert self._pipeline is not None
         assert self._writer is not None
         notify("STOPPING=1")
+        stopped_raw_ns = self._clock.raw_ns()
         self._stop_devices()
         self._housekeeping.close()
+        self._disk_watch.close(timeout_s=0.5)
         for device in self._devices:
+            device.state_absence(stopped_raw_ns)
             self._pipeline.put(device.now())
         self._pipeline.close()
         failures = [device.failure for device in self._devices if device.failure is not None]
@@ -133,8 +150,8 @@ class Recording:
         return Outcome(
             drive=self._writer.path,
             seconds=(self._clock.raw_ns() - self._started_raw_ns) / 1e9,
-            frames=dict(self._pipeline.frames),
-            lost=dict(self._pipeline.lost),
+            messages=dict(self._writer.counts),
+            lost=self._pipeline.lost,
             failures=failures,
         )
 
@@ -162,8 +179,7 @@ class Recording:
             for name, device in devices.items()
             if device["state"] not in (DeviceState.STREAMING, DeviceState.ENDED)
         ]
-        if pipeline is not None and pipeline.failure is not None:
-            problems.append(str(pipeline.failure))
+        problems += self._recording_problems()
         return {
             "healthy": not problems,
             "problems": problems,
@@ -174,7 +190,7 @@ class Recording:
             "frames": dict(pipeline.frames) if pipeline else {},
             "lost": dict(pipeline.lost) if pipeline else {},
             "time": {"raw_ns": self._clock.raw_ns(), **self._timebase.status()},
-            "disk": self._disk(),
+            "disk": {**self._disk, "queue_bytes": pipeline.queue_bytes if pipeline else 0},
             "processes": {"recorder": _process()},
         }
 
@@ -182,15 +198,32 @@ class Recording:
         """What runs when."""
         return [
             Chore("clock pair", self._settings.timebase.pair_seconds, self._record_clock_pair),
+            Chore("losses", _STATE_LOSSES_S, self._state_losses),
             Chore("health", _HEALTH_PERIOD_S, self._record_health),
             Chore("watchdog", watchdog_period_s() or 60.0, self._feed_watchdog),
         ]
 
-    def _open_all(self) -> None:
+    def _recording_problems(self) -> list[str]:
+        pipeline = self._pipeline
+        if pipeline is None:
+            return []
+        now_ns = self._clock.raw_ns()
+        problems = [str(pipeline.failure)] if pipeline.failure is not None else []
+        if pipeline.lost_raw_ns is not None and now_ns - pipeline.lost_raw_ns < _LATELY_NS:
+            lost = ", ".join(f"{topic} {count}" for topic, count in pipeline.lost.items())
+            problems.append(f"samples are being lost: {lost}")
+        stuck_s = (now_ns - pipeline.synced_raw_ns) / 1e9
+        if stuck_s * 1e9 > _DISK_STUCK_NS:
+            problems.append(f"nothing was forced to disk for {stuck_s:.0f} s")
+        return problems
+
+    def _open_all(self, stop: threading.Event) -> None:
         for device in self._devices:
             device.start()
         for device in self._devices:
-            device.ready.wait()
+            while not device.ready.wait(0.1):
+                if stop.is_set():
+                    raise RecorderError("stopped before it was open", where=device.driver.name)
         for device in self._devices:
             error = device.failure
             if error is not None:  # naming a source that cannot be opened is bad input
@@ -213,19 +246,23 @@ class Recording:
             utc_ns=self._clock.realtime_ns() if trusted else None,
         )
 
-    def _take(self, sample: Sample, live: bool) -> None:
+    def _take(self, sample: Sample, live: bool) -> bool:
         assert self._pipeline is not None
-        self._pipeline.take(sample, live=live)
+        return self._pipeline.take(sample, live=live)
 
     def _tell(self, health: Health) -> None:
         level = logging.WARNING if health.reason else logging.INFO
         text = f"{health.state}: {health.reason}" if health.reason else str(health.state)
+        if self._pipeline is not None:
+            self._pipeline.put(health)
+            name = logging.getLevelName(level).lower()
+            self._pipeline.put(LogLine(health.raw_ns, name, health.device, text))
+            self._note_devices(health)
         _log.log(level, "%s %s", health.device, text)
-        if self._pipeline is None:
-            return
-        self._pipeline.put(health)
-        self._pipeline.put(LogLine(health.raw_ns, logging.getLevelName(level).lower(), health.device, text))
-        if health.state is DeviceState.STREAMING and not self._one_shot:
+
+    def _note_devices(self, health: Health) -> None:
+        """What a device says of itself is known once it streams: have the drive say so."""
+        if self._pipeline is not None and health.state is DeviceState.STREAMING and not self._one_shot:
             devices = {device.driver.name: device.description for device in self._devices}
             self._pipeline.call(lambda: self._writer.set_devices(devices) if self._writer else None)
 
@@ -233,23 +270,31 @@ class Recording:
         if self._pipeline is not None:
             self._pipeline.put(self._timebase.sample_pair())
 
+    def _state_losses(self) -> None:
+        if self._pipeline is not None:
+            self._pipeline.state_refused()
+
     def _record_health(self) -> None:
         if self._pipeline is not None:
             for device in self._devices:
                 self._pipeline.put(device.now())
 
     def _feed_watchdog(self) -> None:
-        if self._writer is None or self._pipeline is None or self._pipeline.failed.is_set():
+        pipeline = self._pipeline
+        if pipeline is None or pipeline.failed.is_set():
             return
-        if self._clock.raw_ns() - self._writer.durable_raw_ns < _DISK_STUCK_NS:
+        if self._clock.raw_ns() - pipeline.synced_raw_ns < _DISK_STUCK_NS:
             notify("WATCHDOG=1")
 
-    def _disk(self) -> dict[str, Any]:
-        usage = shutil.disk_usage(self._writer.path if self._writer else Path.cwd())
-        return {"free_bytes": usage.free, "total_bytes": usage.total, "queue_bytes": self._queue_bytes()}
-
-    def _queue_bytes(self) -> int:
-        return self._pipeline.queue_bytes if self._pipeline else 0
+    def _look_at_disk(self) -> None:
+        if self._writer is None:
+            return
+        try:
+            usage = shutil.disk_usage(self._writer.path)
+        except OSError as error:
+            self._disk = {"problem": f"{self._writer.path}: {error.strerror}"}
+            return
+        self._disk = {"free_bytes": usage.free, "total_bytes": usage.total, "raw_ns": self._clock.raw_ns()}
 
 
 def _process() -> dict[str, Any]:

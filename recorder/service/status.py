@@ -1,13 +1,14 @@
 """``recorder status``: one JSON object per connection on a Unix socket."""
 
 import contextlib
+import fcntl
 import json
 import os
 import socket
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from recorder.errors import NotRunning, RecorderError
 
@@ -45,7 +46,8 @@ class StatusServer:
     """Answers on the socket, in its own thread; nothing waits for it.
 
     Each connection gets the object that ``status`` returns and is closed; a client that does
-    not read within two seconds is dropped. Nothing a client sends is read.
+    not read within two seconds is dropped. Nothing a client sends is read. A lock file beside the
+    socket says whose it is, also while a recorder hangs.
     """
 
     def __init__(self, path: Path, status: Callable[[], dict[str, Any]]) -> None:
@@ -53,27 +55,30 @@ class StatusServer:
         self._status = status
         self._stop = threading.Event()
         self._socket: socket.socket | None = None
+        self._lock: IO[bytes] | None = None
         self._thread = threading.Thread(target=self._serve, name="status")
 
     def start(self) -> None:
-        """Raises `RecorderError` if another recorder answers there or the socket cannot be made."""
-        try:
-            read_status(self.path)
-        except NotRunning:
-            pass
-        else:
-            raise RecorderError("another recorder is running", where=str(self.path), todo="stop it first")
+        """Raises `RecorderError` if another recorder runs there or the socket cannot be made."""
         server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = self.path.with_name(self.path.name + ".lock").open("wb")
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if self.path.is_socket():
-                self.path.unlink()  # left behind by a crash: nobody answered above
+                self.path.unlink()  # left behind by a crash: the lock is ours
             server.bind(str(self.path))
             self.path.chmod(0o660)
             server.listen(8)
             server.settimeout(0.2)
+        except BlockingIOError:
+            server.close()
+            self._let_go()
+            todo = "stop it first"
+            raise RecorderError("another recorder is running", where=str(self.path), todo=todo) from None
         except OSError as error:
             server.close()
+            self._let_go()
             raise RecorderError(
                 f"status socket cannot be made ({error.strerror or error})",
                 where=str(self.path),
@@ -91,6 +96,19 @@ class StatusServer:
         self._socket = None
         with contextlib.suppress(OSError):
             self.path.unlink()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _answer(self) -> bytes:
+        try:
+            told = self._status()
+        except Exception as error:  # whoever asks must learn that something is wrong
+            told = {"healthy": False, "problems": [f"status: {type(error).__name__}: {error}"]}
+        return json.dumps(told).encode() + b"\n"
 
     def _serve(self) -> None:
         assert self._socket is not None
@@ -101,6 +119,7 @@ class StatusServer:
                 continue
             except OSError:
                 return
+            answer = self._answer()
             with link, contextlib.suppress(OSError):
                 link.settimeout(_TIMEOUT_S)
-                link.sendall(json.dumps(self._status()).encode() + b"\n")
+                link.sendall(answer)

@@ -13,7 +13,7 @@ class Account:
     """The ids of one stream against the ledger of losses."""
 
     missing: tuple[Range, ...]
-    """Between the first and the last id that are there: neither there nor stated as lost."""
+    """Up to the last id that is there: neither there nor stated as lost."""
     contradicted: tuple[Range, ...]
     """Stated as lost, but there."""
     repeated: tuple[Range, ...]
@@ -26,12 +26,17 @@ class Account:
         return sum(map(count, (*self.missing, *self.contradicted)))
 
 
-def settle(ids: Iterable[int], losses: Iterable[Range]) -> Account:
-    """Compare the ids that are there with those that are stated as lost. Any order, any size."""
+def settle(ids: Iterable[int], losses: Iterable[Range], *, first: int | None = None) -> Account:
+    """Compare the ids that are there with those that are stated as lost. Any order, any size.
+
+    ``first`` is the id that the stream must begin with, None if it may begin with any.
+    """
     there = union((number, number) for number in ids)
     stated = sorted(losses)
     lost = union(stated)
     inner = gaps(there)
+    if first is not None and there and there[0][0] > first:
+        inner = [(first, there[0][0] - 1), *inner]
     return Account(
         missing=tuple(without(inner, lost)),
         contradicted=tuple(common(there, lost)),

@@ -203,7 +203,8 @@ class _Check:
         """Compare the ids of an image topic with the ledger. Other streams have no ids in the drive."""
         if not topic.endswith("/image"):
             return 0
-        account = settle(ids, self._losses.get(topic, []))
+        whole = self._drive.path.is_dir()  # ids begin at 0; a segment alone begins where it does
+        account = settle(ids, self._losses.get(topic, []), first=0 if whole else None)
         self._tell(topic, "missing and not in the ledger", account.missing)
         self._tell(topic, "in the ledger as lost, but there", account.contradicted)
         self._tell(topic, "in the ledger more than once", account.repeated)

@@ -11,6 +11,8 @@ from recorder.timebase.combined import CombinedTime
 from recorder.timebase.pairs import ClockHistory, take_pair
 from recorder.timebase.utc import UtcEstimate
 
+SET_NS = 2_000_000
+"""The wall clock against raw may move so far between two pairs, a second apart: slewing does 0.5 ms."""
 OLDEST_NS = 1_000_000_000
 """A kernel stamp may lie so long before its arrival; one that says otherwise comes from a wall
 clock that was set in between, and is not believed."""
@@ -82,7 +84,7 @@ class Timebase:
         ``pairs``, ``bracket_ns``; what is not known is None."""
         raw_ns = self._clock.raw_ns()
         with self._lock:
-            utc, told, latest = self._utc.at(raw_ns), self._told, self._history.latest
+            utc, told, latest = self._utc.peek(raw_ns), self._told, self._history.latest
             arrival_ns = told.stamp.gps_raw_ns if told else None
             return {
                 "source": utc.source if utc else None,
@@ -99,6 +101,13 @@ class Timebase:
         if realtime_ns is None:
             return arrival_ns
         raw_ns = self._history.raw_from_realtime(realtime_ns)
+        latest = self._history.latest
+        if latest is None:
+            return arrival_ns
+        # a wall clock that was set since the last pair would move every stamp by as much
+        offset_ns = self._clock.realtime_ns() - self._clock.raw_ns()
+        if abs(offset_ns - (latest.realtime_ns - latest.raw_ns)) > SET_NS:
+            return arrival_ns
         if raw_ns is None or not arrival_ns - OLDEST_NS <= raw_ns <= arrival_ns:
             return arrival_ns
         return raw_ns

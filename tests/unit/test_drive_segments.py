@@ -85,7 +85,7 @@ def test_a_missing_segment_is_told(path: Path, lost: int, words: str) -> None:
         told = verify(drive)
     assert not told.ok
     assert told.frames == 2 * PER_SEGMENT
-    assert told.unaccounted == (PER_SEGMENT if lost == 1 else 0)
+    assert told.unaccounted == (0 if lost == 2 else PER_SEGMENT)
 
 
 def test_two_drives_mixed_are_told(tmp_path: Path, path: Path) -> None:

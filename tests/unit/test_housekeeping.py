@@ -30,3 +30,27 @@ def test_each_chore_runs_at_once_and_at_its_period() -> None:
     assert len(seldom) == 1
     time.sleep(0.05)
     assert len(often) == count
+
+
+def test_a_late_chore_is_done_once_and_a_failing_one_again() -> None:
+    late: list[float] = []
+    failed: list[float] = []
+    enough = threading.Event()
+
+    def slow() -> None:
+        late.append(time.monotonic())
+        if len(late) == 1:
+            time.sleep(0.5)
+        if len(late) == 3:
+            enough.set()
+
+    def fail() -> None:
+        failed.append(time.monotonic())
+        raise OSError("no")
+
+    housekeeping = Housekeeping([Chore("slow", 0.1, slow), Chore("fail", 0.1, fail)], clock=SYSTEM_CLOCK)
+    housekeeping.start()
+    assert enough.wait(5)
+    housekeeping.close()
+    assert late[2] - late[1] > 0.05
+    assert len(failed) >= 2

@@ -77,7 +77,7 @@ def test_an_error_comes_after_what_was_before_it() -> None:
     found: list[Sample | None] = []
     with pytest.raises(DeviceLost, match="ends early"):
         found.extend(merged.samples())
-    assert [s.stamp.raw_ns for s in found if isinstance(s, NmeaSentence)] == [1, 2, 3, 3]
+    assert [s.stamp.raw_ns for s in found if isinstance(s, NmeaSentence)] == [1, 2, 3, 3, 4]
 
 
 def test_all_open_or_none() -> None:

@@ -68,6 +68,29 @@ def test_a_path_that_cannot_be_made_is_told(tmp_path: Path) -> None:
         StatusServer(tmp_path / "file" / "status.sock", dict).start()
 
 
+def test_a_recorder_that_hangs_is_not_pushed_aside(tmp_path: Path) -> None:
+    hung = StatusServer(tmp_path / "status.sock", dict)
+    hung.start()
+    hung._stop.set()  # nobody answers any more, but it still runs
+    hung._thread.join()
+    with pytest.raises(RecorderError, match="another recorder is running"):
+        StatusServer(hung.path, dict).start()
+    assert hung.path.is_socket()
+    hung.close()
+
+
+def test_a_status_that_fails_is_told(tmp_path: Path) -> None:
+    def broken() -> dict[str, object]:
+        raise OSError("disk is gone")
+
+    server = StatusServer(tmp_path / "status.sock", broken)
+    server.start()
+    told = read_status(server.path)
+    server.close()
+    assert told["healthy"] is False
+    assert "disk is gone" in told["problems"][0]
+
+
 def test_something_else_on_the_socket_is_no_recorder(tmp_path: Path) -> None:
     path = tmp_path / "status.sock"
     with socket.socket(socket.AF_UNIX) as other:

@@ -10,7 +10,7 @@ from recorder.clock import SYSTEM_CLOCK
 from recorder.config import ServiceSection
 from recorder.errors import DeviceAbsent, DeviceLost
 from recorder.samples import DeviceState, Frame, Health, Loss, Sample, Stamp
-from recorder.service.supervisor import Policy, Supervisor
+from recorder.service.supervisor import Supervisor
 
 SETTINGS = ServiceSection(retry_seconds=0.01, retry_max_seconds=0.02, silent_seconds=0.1)
 
@@ -18,10 +18,9 @@ SETTINGS = ServiceSection(retry_seconds=0.01, retry_max_seconds=0.02, silent_sec
 class Scripted:
     """A driver that does what each of its sessions says."""
 
-    live = True
-
-    def __init__(self, *sessions: Callable[[], Iterator[Sample | None]]) -> None:
+    def __init__(self, *sessions: Callable[[], Iterator[Sample | None]], live: bool = True) -> None:
         self.name = "front"
+        self.live = live
         self._sessions = list(sessions)
         self.closed = 0
 
@@ -56,20 +55,25 @@ class Watch:
 
     def __init__(self, driver: Scripted, *, retry: bool) -> None:
         self.samples: list[Sample] = []
+        self.full = False
         self.states: list[Health] = []
         self.stop, go = threading.Event(), threading.Event()
         go.set()
         self.supervisor = Supervisor(
             driver,
-            take=lambda sample, live: self.samples.append(sample),
+            take=self.take,
             tell=self.states.append,
             settings=SETTINGS,
-            policy=Policy(retry=retry),
+            retry=retry,
             stop=self.stop,
             go=go,
             clock=SYSTEM_CLOCK,
         )
         self.supervisor.start()
+
+    def take(self, sample: Sample, live: bool) -> bool:
+        self.samples.append(sample)
+        return not self.full
 
     def until(self, condition: Callable[[], bool]) -> None:
         end = time.monotonic() + 5
@@ -150,3 +154,82 @@ def test_silence_is_noticed_and_its_end_too() -> None:
         DeviceState.STREAMING,
         DeviceState.ENDED,
     ]
+
+
+def test_a_file_that_fails_is_not_played_again() -> None:
+    driver = Scripted(frames(3, DeviceLost("images are missing")), frames(3), live=False)
+    watch = Watch(driver, retry=True)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert isinstance(watch.supervisor.failure, DeviceLost)
+    assert len(watch.samples) == 3
+
+
+def test_a_file_that_is_not_there_yet_is_waited_for() -> None:
+    driver = Scripted(live=False)
+    watch = Watch(driver, retry=True)
+    watch.until(lambda: watch.said().count(DeviceState.ABSENT) >= 3)
+    driver._sessions.append(frames(2))
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert len(watch.samples) == 2
+
+
+def test_a_driver_that_cannot_be_closed_does_not_kill_its_thread() -> None:
+    class Stuck(Scripted):
+        def close(self) -> None:
+            super().close()
+            raise OSError("device does not answer")
+
+    watch = Watch(Stuck(frames(2)), retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert watch.supervisor.ready.is_set()
+    assert "device does not answer" in str(watch.supervisor.failure)
+
+
+def test_frames_that_find_no_room_are_counted_as_lost() -> None:
+    watch = Watch(Scripted(frames(5)), retry=False)
+    watch.full = True
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    health = watch.supervisor.now()
+    assert (health.samples, health.lost) == (0, 5)
+
+
+def test_a_camera_that_failed_has_lost_frames_until_the_recording_ends() -> None:
+    watch = Watch(Scripted(frames(30, DeviceLost("unplugged"))), retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    last = watch.samples[-1]
+    assert isinstance(last, Frame)
+    assert last.stamp.raw_ns is not None
+    watch.supervisor.state_absence(last.stamp.raw_ns + 10**9)
+    loss = watch.samples[-1]
+    assert isinstance(loss, Loss)
+    assert loss.first_id == last.id + 1
+    assert 100 < loss.count < 600
+    assert "unplugged" in loss.detail
+
+
+def test_a_camera_that_fell_silent_has_lost_frames_until_the_recording_ends() -> None:
+    def session() -> Iterator[Sample | None]:
+        yield from frames(30)()
+        while True:
+            time.sleep(0.02)
+            yield None
+
+    watch = Watch(Scripted(session), retry=True)
+    watch.until(lambda: DeviceState.SILENT in watch.said())
+    watch.end()
+    watch.supervisor.state_absence(SYSTEM_CLOCK.raw_ns() + 10**9)
+    assert isinstance(watch.samples[-1], Loss)
+    assert "nothing for" in watch.samples[-1].detail
+
+
+def test_a_source_that_ended_well_has_lost_nothing() -> None:
+    watch = Watch(Scripted(frames(5)), retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    watch.supervisor.state_absence(SYSTEM_CLOCK.raw_ns() + 10**10)
+    assert all(isinstance(sample, Frame) for sample in watch.samples)
