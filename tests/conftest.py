@@ -9,6 +9,11 @@ from pathlib import Path
 
 import psutil
 import pytest
+from hypothesis import settings
+
+# other work on the machine must not make an example fail
+settings.register_profile("project", deadline=None)
+settings.load_profile("project")
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 _SETTLE_S = 3.0
@@ -38,7 +43,7 @@ def _handlers() -> dict[int, object]:
 
 @pytest.fixture(autouse=True)
 def no_leaks() -> Iterator[None]:
-    """Fail a test that leaves a thread, a process, a file, a socket, shared memory or a signal handler behind."""
+    """Fail a test that leaves a thread, process, file, socket, shared memory or signal handler behind."""
     threads = set(threading.enumerate())
     children = set(psutil.Process().children(recursive=True))
     files, memory, handlers = _open_files(), _shared_memory(), _handlers()

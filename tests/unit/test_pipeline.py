@@ -12,7 +12,7 @@ from recorder.clock import SYSTEM_CLOCK
 from recorder.codec import encode
 from recorder.config import Settings, parse
 from recorder.errors import StorageError
-from recorder.samples import Frame, Loss, NmeaSentence, Preview, Record, Stamp
+from recorder.samples import Frame, Loss, LossCause, NmeaSentence, Preview, Record, Stamp
 from recorder.service import pipeline as module
 from recorder.service.pipeline import Pipeline
 from recorder.storage import DriveHead, DriveWriter, inspect, open_drive, verify
@@ -114,7 +114,7 @@ def test_a_file_waits_and_loses_nothing(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_loss_that_goes_on_is_stated_meanwhile(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rig.pipeline._queue, "_bound", 0)
-    rig.pipeline._queue.put(lambda: Loss("x", 0, 0, 0, 0, module.LossCause.DEVICE), 1, wait=False)
+    rig.pipeline._queue.put(lambda: Loss("x", 0, 0, 0, 0, LossCause.DEVICE), 1, wait=False)
     held = threading.Event()
     rig.pipeline.call(lambda: (held.wait(5), None)[1])
     rig.feed(5, live=True)
