@@ -17,6 +17,7 @@ from recorder.errors import ConfigError
 
 CAMERA_NAMES = ("front", "tag")
 
+Name = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 FilePath = Annotated[Path, Field(strict=False)]
 """Text in the file; everything else must have its type already."""
 
@@ -30,7 +31,7 @@ class Section(BaseModel):
 class CameraSection(Section):
     """One camera."""
 
-    source: str
+    source: Name
     """``genicam://ADDRESS`` (empty address: the first one found), or a video file or image folder."""
     pixel_format: Literal["auto", "Mono8", "Mono10", "Mono10p", "Mono12", "Mono16"] = "auto"
     """As GenICam names it; auto takes the deepest that the camera offers, up to ten bits first."""
@@ -73,7 +74,7 @@ class CameraSection(Section):
 class GnssSection(Section):
     """The GNSS receiver."""
 
-    source: str
+    source: Name
     """A serial device such as ``/dev/ttyUSB0``, or a recorded NMEA log."""
     baud: Literal[4800, 9600, 19200, 38400, 57600, 115200] = 4800
     """Of the serial device; a BU-353 leaves the factory at 4800."""
@@ -181,14 +182,14 @@ class Settings(Section):
 def load(path: Path) -> Settings:
     """Read and check a configuration file. Raises `ConfigError` with one line on all that is wrong."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ConfigError("no such file", where=str(path), todo="give the path of a recorder.toml") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"cannot be read ({error})", where=str(path)) from error
     try:
         values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigError(f"not TOML: {error}", where=str(path)) from error
     return parse(values, where=str(path))
 

@@ -28,10 +28,17 @@ commands_drive.register(app)
 def main(arguments: list[str] | None = None) -> None:
     """Run one command and exit with its code; an error becomes one line on standard error."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+        else:
+            getattr(sys, name).reconfigure(errors="replace")  # a terminal may not know ± or the table's lines
     sys.exit(_run(arguments))
 
 
 def _run(arguments: list[str]) -> int:
+    if any(0xDC80 <= ord(letter) <= 0xDCFF for argument in arguments for letter in argument):
+        return _fail("a path that is not UTF-8 cannot be used; rename it", 2, arguments)
     try:
         code = app(arguments, standalone_mode=False)
         sys.stdout.flush()
@@ -40,9 +47,11 @@ def _run(arguments: list[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", 1, arguments)
     except BrokenPipeError:
-        # the reader of our output has gone (a pager, head): not an error, but nothing more may be written
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_output()  # the reader has gone (a pager, head)
         return 1
+    except OSError as error:
+        _give_up_output()
+        return _fail(f"{error.filename or 'standard output'}: {error.strerror or error}", 1, arguments)
     except _USAGE_ERROR as error:
         return _fail(_usage(error), 2, arguments)
     except Exception as error:
@@ -51,6 +60,11 @@ def _run(arguments: list[str]) -> int:
         line = f"unexpected {type(error).__name__}: {error}; a fault of ours, RECORDER_DEBUG=1 tells more"
         return _fail(line, 1, arguments)
     return int(code or 0)
+
+
+def _give_up_output() -> None:
+    """Nothing more may be written to standard output, not even what is buffered."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def _usage(error: Exception) -> str:
@@ -62,5 +76,6 @@ def _usage(error: Exception) -> str:
 def _fail(line: str, code: int, arguments: list[str]) -> int:
     if "--json" in arguments:
         print(json.dumps({"error": line, "exit_code": code}))
-    print(f"recorder: {line}", file=sys.stderr)
+    if line:
+        print(f"recorder: {line}", file=sys.stderr)
     return code

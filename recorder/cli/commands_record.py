@@ -11,12 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from recorder.cli.output import Json, print_json, print_table, progress, size
-from recorder.errors import RecorderError, UsageError
+from recorder.errors import RecorderError, StorageError, UsageError
 
 if TYPE_CHECKING:
     from recorder.config import Settings
     from recorder.drivers.base import Driver
     from recorder.service.recording import Outcome
+
+
+LONGEST_S = 30 * 86_400.0
+"""A month."""
 
 
 def register(app: typer.Typer) -> None:
@@ -25,7 +29,7 @@ def register(app: typer.Typer) -> None:
 
 
 def demo(
-    seconds: Annotated[float, typer.Option(min=1, help="How long to record.")] = 20,
+    seconds: Annotated[float, typer.Option(min=1, max=LONGEST_S, help="How long to record.")] = 20,
     out: Annotated[Path, typer.Option(help="Parent folder of the drive.")] = Path("drives"),
     rig: Annotated[str, typer.Option(help="auto, gige (camera over GigE Vision) or embedded.")] = "auto",
     json: Json = False,
@@ -71,7 +75,7 @@ def record(
     realtime: Annotated[bool, typer.Option(help="Play files at their own pace.")] = False,
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, help="Stop after this long; else at the end of the files, or Ctrl-C."),
+        typer.Option(min=0.1, max=LONGEST_S, help="Stop after this long; else when files end, or Ctrl-C."),
     ] = None,
     pixel_format: Annotated[str, typer.Option(help="Of GenICam cameras.")] = "auto",
     rate: Annotated[float | None, typer.Option(help="Frames a second.")] = None,
@@ -106,12 +110,17 @@ def record(
     outcome = record_one(
         settings, build_drivers(settings, clock=SYSTEM_CLOCK), seconds=seconds, label="recording"
     )
+    print_failures(outcome)
+    if not outcome.drive.is_dir():
+        raise StorageError("the drive is gone", where=str(outcome.drive))
     with open_drive(outcome.drive) as drive:
         inspection = inspect(drive)
     empty = not any(topic in inspection.topics for topic in _data_topics(settings))
     if empty and not outcome.failures:
-        outcome.failures.append(RecorderError("nothing was recorded: no device said anything"))
-    print_failures(outcome)
+        lost = ", ".join(f"{count} by the {cause}" for cause, count in inspection.losses.items())
+        why = f"all that came was lost, {lost}" if lost else "no device said anything"
+        outcome.failures.append(RecorderError(f"nothing was recorded: {why}"))
+        print_failures(outcome)
     if json:
         errors = [str(failure) for failure in outcome.failures]
         print_json({"drive": str(outcome.drive), "errors": errors, **inspection.to_dict()})
@@ -198,7 +207,7 @@ def _sort_sources(sources: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     receivers: list[str] = []
     for source in sources:
         name, equals, rest = source.partition("=")
-        named = bool(equals) and name.isidentifier()
+        named = bool(equals) and name.isidentifier() and not Path(source).exists()
         if is_serial(source):
             receivers.append(source)
         elif named and name not in CAMERA_NAMES:

@@ -21,6 +21,8 @@ class ContainerEnd:
 
     missing_bytes: int
     """How many bytes the file is shorter than it says; 0 if it is whole or does not say."""
+    known: bool
+    """False for a container of another kind, whose end nobody can tell: MPEG-TS and the like."""
     counts_frames: bool
     """True if it has an index that counts frames: MP4, MOV (not fragmented) and AVI."""
 
@@ -31,7 +33,7 @@ def container_end(path: Path) -> ContainerEnd:
     with path.open("rb") as file:
         head = file.read(12)
         file.seek(0)
-        counts = False
+        counts, known = False, True
         if head[4:8] in _BOXES:
             end, counts = _boxes_end(file, size)
         elif head[:4] == b"RIFF":
@@ -39,8 +41,8 @@ def container_end(path: Path) -> ContainerEnd:
         elif head[:4] == _EBML:
             end = _segment_end(file, size)
         else:
-            end = size
-    return ContainerEnd(max(0, end - size), counts)
+            end, known = size, False
+    return ContainerEnd(max(0, end - size), known, counts)
 
 
 def _boxes_end(file: BinaryIO, size: int) -> tuple[int, bool]:

@@ -166,6 +166,16 @@ class FileCamera:
 
 def _open(path: Path) -> ImageSource:
     """The kind of source that ``path`` is. Raises `SourceError`."""
+    try:
+        return _opened(path)
+    except OSError as error:
+        todo = "check the path and who may read it"
+        raise SourceError(
+            f"cannot be read ({error.strerror or error})", where=str(path), todo=todo
+        ) from error
+
+
+def _opened(path: Path) -> ImageSource:
     if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be waited for, for ever
         todo = "give a video, a folder of images or a .npy stack"
         raise SourceError("neither a file nor a folder", where=str(path), todo=todo)

@@ -11,6 +11,9 @@ from numpy.lib import format as npy
 from recorder.drivers.image_source import DepthRule, Grey, MissingImages, SourceImage, readable
 from recorder.errors import SourceError
 
+SIDE_MAX = 65535
+"""Rows and columns that an image may have."""
+
 
 class ImageStack:
     """Read image by image, so that a stack may be larger than memory and may end early.
@@ -26,14 +29,16 @@ class ImageStack:
         try:
             readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
             shape, fortran, dtype = readers[npy.read_magic(self._file)](self._file)
-        except (ValueError, KeyError, OSError, EOFError):
+        except Exception:  # NumPy's parser of headers raises what Python's own tokenizer does
             self._file.close()
             raise SourceError("not a NumPy file", where=str(path), todo="write it with numpy.save") from None
-        sound = len(shape) == 3 and min(shape) > 0 and not fortran
+        sound = len(shape) == 3 and min(shape) > 0 and max(shape[1:]) <= SIDE_MAX and not fortran
         if not sound or dtype.kind != "u" or dtype.itemsize not in (1, 2):
             self._file.close()
             what = f"an array of {dtype} {shape}{' in Fortran order' if fortran else ''}"
-            raise SourceError(what, where=str(path), todo="it needs uint8 or uint16 of shape (N, H, W)")
+            raise SourceError(
+                what, where=str(path), todo="it needs uint8 or uint16 of shape (N, H, W), sides up to 65535"
+            )
         self._dtype, self._shape = dtype, (shape[1], shape[2])
         self.count: int | None = shape[0]
 

@@ -65,7 +65,10 @@ class NmeaLog:
             raise SourceError(what, where=str(self._path), todo="give the path of an NMEA log") from error
         if not sound:
             self.close()
-            what, todo = "no sound NMEA sentence in it", "give a log of lines such as $GPRMC,…*hh"
+            what, todo = (
+                "no sound NMEA sentence in it",
+                "give a log of lines such as $GPRMC,…*hh, with checksums",
+            )
             raise SourceError(what, where=str(self._path), todo=todo)
 
     def samples(self) -> Iterator[NmeaSentence | Fix | None]:

@@ -2,10 +2,12 @@
 
 import os
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
+from statistics import median_low
 from typing import Any
 
 import cv2
@@ -41,10 +43,15 @@ class VideoFile:
                 _why_not(path), where=str(path), todo="fetch it again or convert it with ffmpeg"
             )
         end = container_end(path)
+        if not end.known:
+            self._capture.release()
+            what = "a video in a container that does not say where it ends"
+            raise SourceError(what, where=str(path), todo="put it into mp4, mov, mkv or avi with ffmpeg")
         self._cut = end.missing_bytes > 0
         # Without an index that counts, this is OpenCV's guess from duration and rate.
-        self._announced = max(0, int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        self.count: int | None = self._announced if end.counts_frames and self._announced else None
+        announced = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self.count: int | None = announced if end.counts_frames and announced > 0 else None
+        self._guessed = max(0, announced)
         fps = float(self._capture.get(cv2.CAP_PROP_FPS))
         self.rate: Fraction | None = Fraction(fps).limit_denominator(1_000_000) if 0 < fps < 1e6 else None
 
@@ -55,6 +62,7 @@ class VideoFile:
         frames have gaps between them; these are numbered by their times.
         """
         held: deque[SourceImage] = deque()
+        times: deque[int] = deque(maxlen=256)
         index = 0
         while True:
             good, picture = self._capture.read()
@@ -65,20 +73,29 @@ class VideoFile:
             # here, exact to the nanosecond for any video under a hundred days.
             media_ns = round(self._capture.get(cv2.CAP_PROP_POS_MSEC) * 1_000_000)
             held.append(SourceImage(index, grey, 8, media_ns))
+            times.append(media_ns)
             index += 1
             if len(held) > (REORDER_FRAMES if self._cut else 0):
                 yield held.popleft()
-        yield from self._tail(held, index)
+        yield from self._tail(held, index, _period_ns(times))
 
-    def _tail(self, held: deque[SourceImage], decoded: int) -> Iterator[SourceImage | MissingImages]:
-        # Of a cut file that tells no number, one frame at least is missing.
-        expected = (self._announced or decoded + 1) if self._cut else self.count or 0
+    def _tail(
+        self, held: deque[SourceImage], decoded: int, period_ns: int
+    ) -> Iterator[SourceImage | MissingImages]:
+        if self._cut and self.count is None:
+            # of a cut file that tells no number, the gaps and one frame at least are missing; its
+            # length, which OpenCV gives as frames at a rate that may be wrong, says how many
+            least = decoded + 1 + sum(_gap(a, b, period_ns) for a, b in pairwise(held))
+            length = self._guessed / self.rate if self.rate else Fraction(0)
+            expected = max(least, round(length * 1_000_000_000 / period_ns) if period_ns else 0)
+        else:
+            expected = self.count or 0
         reason = "file ends early" if self._cut else "frames that the container announces do not decode"
         missing = max(0, expected - decoded)
         index = held[0].index if held else decoded
         before: SourceImage | None = None
         for image in held:
-            gap = min(missing, self._frames_between(before, image) - 1) if before else 0
+            gap = min(missing, _gap(before, image, period_ns)) if before else 0
             if gap > 0:
                 yield MissingImages(index, index + gap - 1, reason)
                 missing -= gap
@@ -88,11 +105,6 @@ class VideoFile:
             index += 1
         if missing:
             yield MissingImages(index, index + missing - 1, reason)
-
-    def _frames_between(self, before: SourceImage, after: SourceImage) -> int:
-        if self.rate is None or before.media_ns is None or after.media_ns is None:
-            return 1
-        return max(1, round((after.media_ns - before.media_ns) * self.rate / 1_000_000_000))
 
     def describe(self) -> Mapping[str, str]:
         code = int(self._capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
@@ -104,6 +116,20 @@ class VideoFile:
 
     def close(self) -> None:
         self._capture.release()
+
+
+def _period_ns(times: Sequence[int]) -> int:
+    """The usual time from one frame to the next, by the frames themselves: what OpenCV gives as the
+    rate of a Matroska file can be twice that. 0 if it cannot be told."""
+    steps = [after - before for before, after in pairwise(times) if after > before]
+    return median_low(steps) if steps else 0
+
+
+def _gap(before: SourceImage, after: SourceImage, period_ns: int) -> int:
+    """Frames missing between two."""
+    if not period_ns or before.media_ns is None or after.media_ns is None:
+        return 0
+    return max(0, (after.media_ns - before.media_ns + period_ns // 2) // period_ns - 1)
 
 
 @contextmanager

@@ -44,10 +44,11 @@ def _gnss(settings: GnssSection, origin_raw_ns: int | None, clock: Clock) -> Dri
 
 
 def is_serial(source: str) -> bool:
-    """A serial device rather than a file: named so, or a character device, or under /dev."""
-    if source.startswith(("serial://", "/dev/")):
+    """A serial device rather than a file: named so, a character device, or a name under /dev that is
+    not there just now."""
+    if source.startswith("serial://"):
         return True
     try:
         return stat.S_ISCHR(Path(source).stat().st_mode)
     except OSError:
-        return False
+        return source.startswith("/dev/")

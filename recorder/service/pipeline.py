@@ -96,11 +96,13 @@ class Pipeline:
         """
         if isinstance(sample, Frame):
             return self._take_frame(self._stamped(sample), live=live)
-        self.put(sample, wait=not live)
+        utc = None
         if isinstance(sample, Fix):
             utc = self._timebase.observe(sample)
-            if utc is not None:
-                self.put(utc, wait=not live)
+            sample = replace(sample, stamp=self._timebase.complete(sample.stamp))
+        self.put(sample, wait=not live)
+        if utc is not None:
+            self.put(utc, wait=not live)
         return True
 
     def put(self, record: Record, *, wait: bool = False) -> None:

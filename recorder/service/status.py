@@ -6,6 +6,7 @@ import json
 import os
 import socket
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -14,6 +15,7 @@ from recorder.errors import NotRunning, RecorderError
 
 DEFAULT_SOCKET = Path("/run/recorder/status.sock")
 _TIMEOUT_S = 2.0
+_SIZE_MAX = 1 << 20
 
 
 def socket_path(configured: Path | None = None) -> Path:
@@ -26,20 +28,43 @@ def read_status(path: Path) -> dict[str, Any]:
     """Ask a running service. Raises `NotRunning` if nobody answers with a status."""
     todo = "start it with: recorder run --config recorder.toml"
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-            link.settimeout(_TIMEOUT_S)
-            link.connect(str(path))
-            told = b"".join(iter(lambda: link.recv(65536), b""))
+        told = _ask(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise NotRunning(f"no recorder answers ({reason})", where=str(path), todo=todo) from None
     try:
         status = json.loads(told)
-    except ValueError:
-        raise NotRunning("what answers is no recorder", where=str(path), todo=todo) from None
-    if not isinstance(status, dict):
+    except (ValueError, RecursionError):
+        status = None
+    if not isinstance(status, dict) or not _is_status(status):
         raise NotRunning("what answers is no recorder", where=str(path), todo=todo)
     return status
+
+
+def _ask(path: Path) -> bytes:
+    """All that is answered, within a time and a size. Raises OSError."""
+    end = time.monotonic() + _TIMEOUT_S
+    told = b""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(_TIMEOUT_S)
+        link.connect(str(path))
+        while part := link.recv(65536):
+            told += part
+            if len(told) > _SIZE_MAX or time.monotonic() > end:
+                raise OSError("it does not stop talking")
+    return told
+
+
+def _is_status(told: dict[str, Any]) -> bool:
+    """Whether an object has what people are shown of a status."""
+    if "problems" in told and "recording" not in told:  # a recorder that cannot tell its state
+        return isinstance(told["problems"], list)
+    devices = told.get("devices")
+    kinds = {"recording": bool, "time": dict, "disk": dict, "processes": dict, "devices": dict}
+    return all(isinstance(told.get(key), kind) for key, kind in kinds.items()) and all(
+        isinstance(device, dict) and {"state", "reason", "samples", "lost"} <= device.keys()
+        for device in (devices or {}).values()
+    )
 
 
 class StatusServer:
@@ -56,7 +81,7 @@ class StatusServer:
         self._stop = threading.Event()
         self._socket: socket.socket | None = None
         self._lock: IO[bytes] | None = None
-        self._thread = threading.Thread(target=self._serve, name="status")
+        self._thread = threading.Thread(target=self._serve, name="status", daemon=True)
 
     def start(self) -> None:
         """Raises `RecorderError` if another recorder runs there or the socket cannot be made."""

@@ -1,6 +1,8 @@
 """One topic of a drive in another format, without loss."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -82,17 +84,29 @@ def _check_target(out: Path, *, folder: bool) -> None:
 
 
 def _write_felics(frames: Frames, out: Path, report: Progress) -> int:
-    with out.open("wb") as file:
+    with _whole_or_nothing(out), out.open("wb") as file:
         for done, frame in enumerate(frames, 1):
             file.write(frame.data)
             report(done, len(frames))
     return len(frames)
 
 
+@contextmanager
+def _whole_or_nothing(path: Path) -> Iterator[None]:
+    """Leave no file behind that was written in part."""
+    try:
+        yield
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
 def _write_folder(frames: Frames, format: str, out: Path, report: Progress) -> int:
     write = _write_png if format == "png" else _write_npy
     for done, frame in enumerate(frames, 1):
-        write(frame, out / f"{frame.id:09d}.{format}")
+        path = out / f"{frame.id:09d}.{format}"
+        with _whole_or_nothing(path):
+            write(frame, path)
         report(done, len(frames))
     return len(frames)
 
@@ -109,5 +123,6 @@ def _write_png(frame: StoredFrame, path: Path) -> None:
 
 
 def _write_npy(frame: StoredFrame, path: Path) -> None:
-    with path.open("wb") as file:
-        np.save(file, frame.pixels, allow_pickle=False)
+    image = BytesIO()  # numpy turns a full disk into an error that does not say so
+    np.save(image, frame.pixels, allow_pickle=False)
+    path.write_bytes(image.getvalue())

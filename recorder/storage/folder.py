@@ -51,7 +51,7 @@ def create_drive_folder(out: Path, utc_ns: int | None) -> Path:
         sync_folder(out)
     except OSError as error:
         raise storage_error(error, out) from error
-    return path.absolute()
+    return path.resolve()
 
 
 def _claim(out: Path, number: int, utc_ns: int | None) -> Path | None:

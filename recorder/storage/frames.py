@@ -156,6 +156,8 @@ class Frames(Sequence[StoredFrame]):
 
 def _nearest(times: NDArray[np.uint64], wanted: int) -> int:
     """Index of the time nearest to ``wanted``, the earlier of two; exact in integers."""
+    if len(times) and times[0] > times[-1]:  # a slice that runs backwards
+        return len(times) - 1 - _nearest(times[::-1], wanted)
     after = int(np.searchsorted(times, np.uint64(min(max(wanted, 0), 2**64 - 1))))
     candidates = [index for index in (after - 1, after) if 0 <= index < len(times)]
     return min(candidates, key=lambda index: abs(int(times[index]) - wanted))

@@ -122,7 +122,8 @@ def _gaps(segments: list[Segment], files: list[Path]) -> list[str]:
         problems.append(f"{len(missing) - 10} more segments are missing")
     last = segments[-1]
     if last.path == files[-1] and last.end_reason == "continued":
-        problems.append(f"{last.name}: says that the drive goes on, but it is the last segment")
+        after = segment_name(numbers[-1] + 1)
+        problems.append(f"{after}: missing, {last.name} says that the drive goes on")
     for segment in segments[:-1]:
         if segment.end_reason == "closed":
             problems.append(f"{segment.name}: says that the drive ends here, but more segments follow")

@@ -1,7 +1,9 @@
 """Frames as an FFV1 video: lossless, and read by every common player."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +29,32 @@ def write_mkv(frames: Frames, out: Path, report: Callable[[int, int], None]) -> 
     parameters = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
     if deep:
         parameters += [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U]
-    target = out if out.suffix == ".mkv" else out.with_name(f"{out.name}.mkv")
     fourcc = cv2.VideoWriter.fourcc(*"FFV1")
     size = (first.width, first.height)
-    video = cv2.VideoWriter(str(target), cv2.CAP_FFMPEG, fourcc, rate_hz, size, parameters)
+    if first.width % 2 or first.height % 2:  # OpenCV would crop the last row and column
+        what = f"frames of {first.width}x{first.height} do not fit a video, whose sides are even"
+        raise UsageError(what, where=str(out), todo="export as png or npy")
+    target = out.with_name(f".{out.name}.{os.getpid()}.mkv")
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        video = cv2.VideoWriter(str(target), cv2.CAP_FFMPEG, fourcc, rate_hz, size, parameters)
+        _write(video, frames, size, deep, out, report)
+        _check_count(target, len(frames))
+        target.replace(out)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+        target.unlink(missing_ok=True)
+    return len(frames)
+
+
+def _write(
+    video: Any,
+    frames: Frames,
+    size: tuple[int, int],
+    deep: bool,
+    out: Path,
+    report: Callable[[int, int], None],
+) -> None:
     try:
         if not video.isOpened():
             todo = "check that its folder exists and can be written, or export as png"
@@ -44,10 +68,6 @@ def write_mkv(frames: Frames, out: Path, report: Callable[[int, int], None]) -> 
             report(done, len(frames))
     finally:
         video.release()
-        if target != out and target.exists():
-            target.replace(out)
-    _check_count(out, len(frames))
-    return len(frames)
 
 
 def _rate_hz(frames: Frames) -> float:

@@ -71,6 +71,9 @@ def test_stamps_follow_the_film_and_utc_follows_the_log(ran: Ran) -> None:
     # the log was taken in the night to 2019-02-05, UTC
     day = np.datetime64(told[0].utc_ns, "ns").astype("datetime64[D]")
     assert str(day) == "2019-02-05"
+    with product.open_drive(ran.drive) as drive:
+        fix = next(iter(drive.messages("/gnss/fix"))).value
+    assert abs(fix.timestamp.seconds - (told[0].utc_ns or 0) // 10**9) < 60
     elapsed = (told[-1].utc_ns or 0) - (told[0].utc_ns or 0)
     assert abs(elapsed - ((told[-1].raw_ns or 0) - (told[0].raw_ns or 0))) < 50_000_000
 

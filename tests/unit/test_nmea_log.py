@@ -121,7 +121,7 @@ def test_a_log_without_a_sound_sentence_is_refused(tmp_path: Path, data: bytes) 
 
 def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "none.log", tmp_path):
-        with pytest.raises(SourceError, match="cannot be read|not a file"):
+        with pytest.raises(SourceError, match=r"cannot be read|not a file"):
             NmeaLog(path, realtime=False).open()
 
 

@@ -11,10 +11,18 @@ import pytest
 from recorder.errors import NotRunning, RecorderError
 from recorder.service.status import StatusServer, read_status, socket_path
 
+HEALTHY = {
+    "recording": True,
+    "devices": {"gnss": {"state": "streaming", "reason": "", "samples": 1, "lost": 0}},
+    "time": {},
+    "disk": {},
+    "processes": {},
+}
+
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[StatusServer]:
-    server = StatusServer(tmp_path / "status.sock", lambda: {"recording": True})
+    server = StatusServer(tmp_path / "status.sock", lambda: HEALTHY)
     server.start()
     yield server
     server.close()
@@ -22,7 +30,7 @@ def server(tmp_path: Path) -> Iterator[StatusServer]:
 
 def test_each_connection_gets_one_object(server: StatusServer) -> None:
     for _ in range(3):
-        assert read_status(server.path) == {"recording": True}
+        assert read_status(server.path) == HEALTHY
 
 
 def test_a_client_that_sends_garbage_or_leaves_does_no_harm(server: StatusServer) -> None:
@@ -30,7 +38,7 @@ def test_a_client_that_sends_garbage_or_leaves_does_no_harm(server: StatusServer
         with socket.socket(socket.AF_UNIX) as link:
             link.connect(str(server.path))
             link.sendall(sent)
-    assert read_status(server.path) == {"recording": True}
+    assert read_status(server.path) == HEALTHY
 
 
 def test_the_socket_is_gone_after_close(tmp_path: Path) -> None:
@@ -51,9 +59,9 @@ def test_a_socket_left_by_a_crash_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "status.sock"
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
-    server = StatusServer(path, lambda: {"recording": True})
+    server = StatusServer(path, lambda: HEALTHY)
     server.start()
-    assert read_status(path) == {"recording": True}
+    assert read_status(path) == HEALTHY
     server.close()
 
 
@@ -91,7 +99,18 @@ def test_a_status_that_fails_is_told(tmp_path: Path) -> None:
     assert "disk is gone" in told["problems"][0]
 
 
-def test_something_else_on_the_socket_is_no_recorder(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "told",
+    [
+        b"",
+        b"[1]",
+        b"{}",
+        b"[" * 100_000,
+        b'{"devices": [1]}',
+        json.dumps({**HEALTHY, "devices": {"a": {}}}).encode(),
+    ],
+)
+def test_something_else_on_the_socket_is_no_recorder(tmp_path: Path, told: bytes) -> None:
     path = tmp_path / "status.sock"
     with socket.socket(socket.AF_UNIX) as other:
         other.bind(str(path))
@@ -99,7 +118,7 @@ def test_something_else_on_the_socket_is_no_recorder(tmp_path: Path) -> None:
 
         def answer() -> None:
             link, _ = other.accept()
-            link.sendall(json.dumps([1]).encode())
+            link.sendall(told)
             link.close()
 
         thread = threading.Thread(target=answer)
