@@ -3,6 +3,7 @@
 
 #include "cpu.hpp"
 #include "crc32c.hpp"
+#include "encode_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "scratch.hpp"
@@ -29,9 +30,13 @@ std::array<std::size_t, written_streams + 1> lay_out(const Header &header, std::
 }
 
 void check_row(const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
-    std::uint16_t seen = 0;
-    for (std::uint32_t x = 0; x < width; ++x) seen = static_cast<std::uint16_t>(seen | row[x]);
-    if ((std::uint32_t{seen} >> depth) != 0) throw ArgumentError{"a pixel value above the bit depth"};
+    std::uint32_t seen = 0;
+    if (has_wide()) {
+        seen = avx2::bits_in_use(row, width);
+    } else {
+        for (std::uint32_t x = 0; x < width; ++x) seen |= row[x];
+    }
+    if ((seen >> depth) != 0) throw ArgumentError{"a pixel value above the bit depth"};
 }
 
 // One row of the model felics but for its first pixel: row[-1] is that, tops[i] stands above row[i].
@@ -83,14 +88,26 @@ void pack_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, 
     writer = out;
 }
 
-void encode_rows(Writers &writers, const std::uint16_t *pixels, const Header &header) {
+void pack_rows(Writers &writers, const std::uint16_t *pixels, const Header &header) {
+    for (std::uint32_t y = 0; y < header.height; ++y)
+        pack_row(writers[y % written_streams], pixels + std::size_t{y} * header.width, header.width, header.depth);
+}
+
+// Checks all pixels, codes them by the model felics, and notes their checksum: one pass over the memory.
+void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) {
     const EncodeStretch encode_rest = has_wide() ? encode_stretch_wide : encode_stretch_anywhere;
+    const bool in_lanes = has_wide() && header.depth <= avx2::deepest_encoded &&
+                          header.width >= avx2::narrowest_encoded;
     const WideKTable table = widen(header.table);
+    std::uint32_t crc = crc32c_start, bits_of_last = 0;
     for (std::uint32_t y = 0; y < header.height; ++y) {
         const std::uint16_t *row = pixels + std::size_t{y} * header.width;
         BitWriter &writer = writers[y % written_streams];
-        if (header.model == Model::raw) {
-            pack_row(writer, row, header.width, header.depth);
+        check_row(row, header.width, header.depth);
+        if (in_lanes && y > 0) {
+            const std::size_t before = writer.size();
+            crc = avx2::encode_row(writer, row, header.width, header.depth, header.table, bits_of_last, crc);
+            bits_of_last = static_cast<std::uint32_t>(8 * (writer.size() - before));
             continue;
         }
         // In the topmost row the left neighbour stands for the upper one, and middle grey for both.
@@ -99,7 +116,9 @@ void encode_rows(Writers &writers, const std::uint16_t *pixels, const Header &he
         const Code code = encode_pixel(row[0], first, first, table.data(), header.depth);
         writer.append(code.value, code.length);
         encode_rest(writer, {row + 1, tops, header.width - 1}, table.data(), header.depth);
+        crc = crc32c_update(crc, row, header.width * sizeof *row);
     }
+    header.checksum = ~crc;
 }
 
 // The mask that turns the rarest byte of the payload into FF: at most one byte in 256 is stuffed.
@@ -141,15 +160,17 @@ std::size_t largest_encoding(std::uint32_t width, std::uint32_t height, std::uin
 std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint32_t width, std::uint32_t height,
                    std::uint32_t depth, Model model, const KTable *table) {
     thread_local Scratch<std::uint8_t> scratch;
-    for (std::uint32_t y = 0; y < height; ++y) check_row(pixels + std::size_t{y} * width, width, depth);
-
     Header header;
     header.model = model;
     header.depth = static_cast<std::uint8_t>(depth);
     header.width = width;
     header.height = height;
-    header.checksum = crc32c(pixels, std::size_t{width} * height * sizeof *pixels);
-    if (model == Model::felics) header.table = table ? *table : train_table(pixels, width, height, depth);
+    if (model == Model::felics) {
+        header.table = table ? *table : train_table(pixels, width, height, depth);
+    } else {
+        for (std::uint32_t y = 0; y < height; ++y) check_row(pixels + std::size_t{y} * width, width, depth);
+        header.checksum = crc32c(pixels, std::size_t{width} * height * sizeof *pixels);
+    }
 
     std::uint8_t *streams = nullptr;
     std::array<std::size_t, written_streams + 1> begins;
@@ -158,7 +179,11 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         streams = scratch.reserve(begins.back());
         Writers writers;
         for (std::uint32_t s = 0; s < written_streams; ++s) writers[s] = BitWriter(streams + begins[s]);
-        encode_rows(writers, pixels, header);
+        if (header.model == Model::raw) {
+            pack_rows(writers, pixels, header);
+        } else {
+            encode_rows(writers, pixels, header);
+        }
         for (std::uint32_t s = 0; s < written_streams; ++s)
             header.lengths[s] = static_cast<std::uint32_t>(writers[s].size());
         if (header.model == Model::raw || header.payload() + contexts <= packed_size(header)) break;
