@@ -99,15 +99,13 @@ void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) 
     const bool in_lanes = has_wide() && header.depth <= avx2::deepest_encoded &&
                           header.width >= avx2::narrowest_encoded;
     const WideKTable table = widen(header.table);
-    std::uint32_t crc = crc32c_start, bits_of_last = 0;
+    std::uint32_t crc = crc32c_start;
     for (std::uint32_t y = 0; y < header.height; ++y) {
         const std::uint16_t *row = pixels + std::size_t{y} * header.width;
         BitWriter &writer = writers[y % written_streams];
         check_row(row, header.width, header.depth);
         if (in_lanes && y > 0) {
-            const std::size_t before = writer.size();
-            crc = avx2::encode_row(writer, row, header.width, header.depth, header.table, bits_of_last, crc);
-            bits_of_last = static_cast<std::uint32_t>(8 * (writer.size() - before));
+            crc = avx2::encode_row(writer, row, header.width, header.depth, header.table, crc);
             continue;
         }
         // In the topmost row the left neighbour stands for the upper one, and middle grey for both.

@@ -1,5 +1,6 @@
 #include "encode_avx2.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 #include "append_avx2.hpp"
@@ -61,61 +62,59 @@ class PixelEncoder {
     Lanes last_quotient_ = kept(all16(escape_zeros - 2));
 };
 
-// Eight words fit 64 bits nearly always up to this many bits a pixel.
-constexpr std::uint32_t eights_bits = 6;
+// The rest of a row in a full step, with code words of no bits behind its end.
+void encode_rest(const PixelEncoder &encoder, const Merger &merger, WordBlock &block, const std::uint16_t *row,
+                 const std::uint16_t *tops, std::uint32_t count) {
+    std::uint16_t lefts[step_pixels] = {}, pixels[step_pixels] = {}, uppers[step_pixels] = {};
+    std::uint16_t wanted[step_pixels] = {};
+    std::memcpy(lefts, row - 1, count * sizeof *row);
+    std::memcpy(pixels, row, count * sizeof *row);
+    std::memcpy(uppers, tops, count * sizeof *row);
+    std::memset(wanted, 0xFF, count * sizeof *row);
+    Codes codes[2];
+    for (std::uint32_t i = 0; i < 2; ++i) {
+        const std::uint32_t at = i * lanes16;
+        codes[i] = encoder.encode(load(pixels + at), load(lefts + at), load(uppers + at));
+        codes[i] = {common(codes[i].values, load(wanted + at)), common(codes[i].lengths, load(wanted + at))};
+    }
+    merger.merge(codes[0], codes[1], block);
+}
 
-template <bool eights>
-std::uint32_t encode(BitWriter &bits, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth,
-                     const KTable &table, std::uint32_t first_crc) {
+}  // namespace
+
+std::uint32_t encode_row(BitWriter &bits, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth,
+                         const KTable &table, std::uint32_t first_crc) {
     const PixelEncoder encoder(table, depth);
-    const Appender appender(depth, eights);
+    const Merger merger(depth);
     const std::uint16_t *tops = row - width;
     WordWriter writer(bits);
+    WordBlock block;
     std::uint64_t crc = first_crc;
 
     // In the first column the upper neighbour stands for the left one.
     Lanes lefts = choose(first_lane16(), load(tops), load(row - 1));
     std::uint32_t x = 0;
-    for (;;) {
-        const std::uint16_t *pixels = row + x;
-        prefetch(pixels + width);
-        const Codes first = encoder.encode(load(pixels), lefts, load(tops + x));
-        const Codes second =
-            encoder.encode(load(pixels + lanes16), load(pixels + lanes16 - 1), load(tops + x + lanes16));
-        crc = checksum_step(crc, pixels);
-        appender.append(writer, first, second);
-        x += step_pixels;
-        if (x + step_pixels > width) break;
-        lefts = load(row + x - 1);
+    while (x + step_pixels <= width) {
+        const std::uint32_t end = std::min(width - step_pixels, x + (WordBlock::steps - 1) * step_pixels);
+        for (; x <= end; x += step_pixels) {
+            const std::uint16_t *pixels = row + x;
+            prefetch(pixels + width);
+            if (x > 0) lefts = load(pixels - 1);
+            const Codes first = encoder.encode(load(pixels), lefts, load(tops + x));
+            const Codes second =
+                encoder.encode(load(pixels + lanes16), load(pixels + lanes16 - 1), load(tops + x + lanes16));
+            crc = checksum_step(crc, pixels);
+            merger.merge(first, second, block);
+        }
+        block.append_to(writer);
     }
     if (x < width) {
-        // The rest of the row in a full step, with code words of no bits behind its end.
-        const std::uint32_t count = width - x;
-        std::uint16_t left_pixels[step_pixels] = {}, pixels[step_pixels] = {}, top_pixels[step_pixels] = {};
-        std::uint16_t wanted[step_pixels] = {};
-        std::memcpy(left_pixels, row + x - 1, count * sizeof *row);
-        std::memcpy(pixels, row + x, count * sizeof *row);
-        std::memcpy(top_pixels, tops + x, count * sizeof *row);
-        std::memset(wanted, 0xFF, count * sizeof *row);
-        Codes codes[2];
-        for (std::uint32_t i = 0; i < 2; ++i) {
-            const std::uint32_t at = i * lanes16;
-            codes[i] = encoder.encode(load(pixels + at), load(left_pixels + at), load(top_pixels + at));
-            codes[i] = {common(codes[i].values, load(wanted + at)), common(codes[i].lengths, load(wanted + at))};
-        }
-        appender.append(writer, codes[0], codes[1]);
-        crc = checksum_rest(crc, row + x, count);
+        encode_rest(encoder, merger, block, row + x, tops + x, width - x);
+        crc = checksum_rest(crc, row + x, width - x);
+        block.append_to(writer);
     }
     writer.finish(bits);
     return static_cast<std::uint32_t>(crc);
-}
-
-}  // namespace
-
-std::uint32_t encode_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth,
-                         const KTable &table, std::uint32_t bits_expected, std::uint32_t crc) {
-    return bits_expected < width * eights_bits ? encode<true>(writer, row, width, depth, table, crc)
-                                               : encode<false>(writer, row, width, depth, table, crc);
 }
 
 std::uint32_t bits_in_use(const std::uint16_t *row, std::uint32_t width) {

@@ -15,7 +15,7 @@ constexpr std::uint32_t narrowest_encoded = 32;
 // Appends one row that has a row above it, and returns `crc` (a running CRC-32C register) moved on over
 // its pixels. All pixels are below 2^depth. Reads the pixel before the row, which is the row above's last.
 std::uint32_t encode_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth,
-                         const KTable &table, std::uint32_t bits_expected, std::uint32_t crc);
+                         const KTable &table, std::uint32_t crc);
 
 // All pixels' bits together.
 std::uint32_t bits_in_use(const std::uint16_t *row, std::uint32_t width);
