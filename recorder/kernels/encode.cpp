@@ -6,6 +6,7 @@
 #include "encode_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
+#include "rows.hpp"
 #include "scratch.hpp"
 #include "stuffing.hpp"
 
@@ -27,16 +28,6 @@ std::array<std::size_t, written_streams + 1> lay_out(const Header &header, std::
     for (std::uint32_t s = 0; s < written_streams; ++s)
         begins[s + 1] = begins[s] + static_cast<std::size_t>((header.pixels_of(s) * bits + 7) / 8) + store_slack;
     return begins;
-}
-
-void check_row(const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
-    std::uint32_t seen = 0;
-    if (has_wide()) {
-        seen = avx2::bits_in_use(row, width);
-    } else {
-        for (std::uint32_t x = 0; x < width; ++x) seen |= row[x];
-    }
-    if ((seen >> depth) != 0) throw ArgumentError{"a pixel value above the bit depth"};
 }
 
 // One row of the model felics but for its first pixel: row[-1] is that, tops[i] stands above row[i].
@@ -119,35 +110,53 @@ void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) 
     header.checksum = ~crc;
 }
 
+// The bytes of all streams, where each was written.
+struct Payload {
+    const std::uint8_t *memory;
+    std::array<std::size_t, written_streams + 1> begins;
+};
+
 // The mask that turns the rarest byte of the payload into FF: at most one byte in 256 is stuffed.
-std::uint8_t rarest_mask(const std::uint8_t *payload, std::size_t size) {
+std::uint8_t rarest_mask(const Payload &payload, const Header &header) {
     std::array<std::size_t, 256> counts{};
-    for (std::size_t i = 0; i < size; ++i) ++counts[payload[i]];
+    for (std::uint32_t s = 0; s < written_streams; ++s)
+        for (std::size_t i = 0; i < header.lengths[s]; ++i) ++counts[payload.memory[payload.begins[s] + i]];
     const auto rarest = std::min_element(counts.begin(), counts.end()) - counts.begin();
     return static_cast<std::uint8_t>(rarest ^ marker_prefix);
 }
 
-std::size_t frame(std::uint8_t *target, Header &header, const std::uint8_t *payload, std::size_t size) {
+std::size_t frame(std::uint8_t *target, Header &header, const Payload &payload) {
     const auto fill = [&](std::uint8_t mask, std::size_t extra) -> std::size_t {
         std::array<std::uint8_t, largest_written_header> plain;
         std::uint8_t *out = target;
         header.mask = mask;
         *out++ = marker_prefix;
         *out++ = start_of_image;
-        out += stuff(out, plain.data(), write_header(plain.data(), header), 0, plain.size());
-        const std::size_t body = stuff(out, payload, size, mask, extra);
-        if (body == 0) return 0;
-        out += body;
+        std::size_t extra_in_header = plain.size();
+        stuff(out, plain.data(), write_header(plain.data(), header), 0, extra_in_header);
+        for (std::uint32_t s = 0; s < written_streams; ++s)
+            if (!stuff(out, payload.memory + payload.begins[s], header.lengths[s], mask, extra)) return 0;
         *out++ = marker_prefix;
         *out++ = end_of_image;
         return static_cast<std::size_t>(out - target);
     };
     // The usual mask costs 0.3 % (docs/felics.md); a picture that it does not suit is counted.
+    const std::size_t size = header.payload();
     const std::size_t written = fill(usual_mask, size / 128);
-    return written != 0 ? written : fill(rarest_mask(payload, size), size / 256);
+    return written != 0 ? written : fill(rarest_mask(payload, header), size / 256);
 }
 
 }  // namespace
+
+void check_row(const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
+    std::uint32_t seen = 0;
+    if (has_wide()) {
+        seen = avx2::bits_in_use(row, width);
+    } else {
+        for (std::uint32_t x = 0; x < width; ++x) seen |= row[x];
+    }
+    if ((seen >> depth) != 0) throw ArgumentError{"a pixel value above the bit depth"};
+}
 
 std::size_t largest_encoding(std::uint32_t width, std::uint32_t height, std::uint32_t depth) {
     const std::uint64_t pixels = std::uint64_t{width} * height;
@@ -170,13 +179,13 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         header.checksum = crc32c(pixels, std::size_t{width} * height * sizeof *pixels);
     }
 
-    std::uint8_t *streams = nullptr;
-    std::array<std::size_t, written_streams + 1> begins;
+    Payload payload{};
     for (;;) {
-        begins = lay_out(header, header.model == Model::raw ? depth : longest_code(depth));
-        streams = scratch.reserve(begins.back());
+        payload.begins = lay_out(header, header.model == Model::raw ? depth : longest_code(depth));
+        std::uint8_t *memory = scratch.reserve(payload.begins.back());
+        payload.memory = memory;
         Writers writers;
-        for (std::uint32_t s = 0; s < written_streams; ++s) writers[s] = BitWriter(streams + begins[s]);
+        for (std::uint32_t s = 0; s < written_streams; ++s) writers[s] = BitWriter(memory + payload.begins[s]);
         if (header.model == Model::raw) {
             pack_rows(writers, pixels, header);
         } else {
@@ -187,13 +196,7 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         if (header.model == Model::raw || header.payload() + contexts <= packed_size(header)) break;
         header.model = Model::raw;  // noise: the samples as they are need less
     }
-    // Closes the gaps between the streams, so that the payload is one piece.
-    std::size_t size = 0;
-    for (std::uint32_t s = 0; s < written_streams; ++s) {
-        std::memmove(streams + size, streams + begins[s], header.lengths[s]);
-        size += header.lengths[s];
-    }
-    const std::size_t written = frame(target, header, streams, size);
+    const std::size_t written = frame(target, header, payload);
     scratch.trim();
     return written;
 }

@@ -36,6 +36,7 @@ RECORDER_INLINE void prefetch(const void *p) { _mm_prefetch(static_cast<const ch
 
 RECORDER_INLINE Lanes both(Lanes a, Lanes b) { return _mm256_or_si256(a, b); }
 RECORDER_INLINE Lanes common(Lanes a, Lanes b) { return _mm256_and_si256(a, b); }
+RECORDER_INLINE Lanes differing(Lanes a, Lanes b) { return _mm256_xor_si256(a, b); }
 // b where a has no bits.
 RECORDER_INLINE Lanes and_not(Lanes a, Lanes b) { return _mm256_andnot_si256(a, b); }
 // By the highest bit of every byte of `mask`. (As an instruction of its own: GCC 12 puts a comparison before
@@ -77,6 +78,11 @@ RECORDER_INLINE Lanes right16(Lanes a) {
     return _mm256_srli_epi16(a, N);
 }
 
+RECORDER_INLINE Lanes all8(std::uint32_t x) { return _mm256_set1_epi8(static_cast<char>(x)); }
+RECORDER_INLINE Lanes equal8(Lanes a, Lanes b) { return _mm256_cmpeq_epi8(a, b); }
+// The highest bit of every byte, the first byte's the lowest.
+RECORDER_INLINE std::uint32_t high_bits8(Lanes a) { return static_cast<std::uint32_t>(_mm256_movemask_epi8(a)); }
+RECORDER_INLINE std::uint32_t lowest_bit(std::uint32_t a) { return _tzcnt_u32(a); }
 RECORDER_INLINE Lanes signed_max8(Lanes a, Lanes b) { return _mm256_max_epi8(a, b); }
 RECORDER_INLINE Lanes signed_add8(Lanes a, Lanes b) { return _mm256_adds_epi8(a, b); }  // saturating
 
