@@ -2,6 +2,7 @@
 
 #include "cpu.hpp"
 #include "crc32c.hpp"
+#include "decode_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "scratch.hpp"
@@ -103,6 +104,7 @@ class Decoder {
     }
 
     void run() {
+        if (has_wide() && avx2::decodes(h_) && decode_wave()) return;
         if (h_.model == Model::raw) {
             for (std::uint32_t y = 0; y < h_.height; ++y) unpack_row(y);
         } else {
@@ -120,6 +122,23 @@ class Decoder {
 
     std::uint32_t first_of(const Row &row, std::uint32_t y) const {
         return y > 0 ? row.tops[-1] : 1u << (h_.depth - 1u);
+    }
+
+    // False if the image is broken: then decoding row by row tells where.
+    bool decode_wave() {
+        thread_local Scratch<std::uint16_t> scratch;
+        const std::array<Cursor, most_streams> before = cursors_;
+        decode_one(0);
+        avx2::StreamEnds streams[written_streams];
+        for (std::uint32_t s = 0; s < written_streams; ++s)
+            streams[s] = {static_cast<std::uint32_t>(cursors_[s].bit), static_cast<std::uint32_t>(cursors_[s].end)};
+        if (avx2::decode_rows(image_, scratch.reserve(h_.width), payload_, h_, streams)) {
+            for (std::uint32_t s = 0; s < written_streams; ++s) cursors_[s].bit = streams[s].bit;
+            for (std::uint32_t s = 0; s < written_streams; ++s) check_end(cursors_[s]);
+            return true;
+        }
+        cursors_ = before;
+        return false;
     }
 
     void unpack_row(std::uint32_t y) {
