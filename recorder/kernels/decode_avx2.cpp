@@ -2,13 +2,11 @@
 
 #include <algorithm>
 
-#include "lanes_avx2.hpp"
 #include "wavefront_avx2.hpp"
+#include "wide_avx2.hpp"
 
 namespace recorder::avx2 {
 namespace {
-
-constexpr std::uint32_t vectors = wave_rows / lanes32;
 
 // What the lanes know from step to step.
 struct State {
@@ -28,31 +26,33 @@ class PixelDecoder {
           escape_shift_(kept(all32(32u - header.depth))),
           k_(kept(table16(header.table.data()))) {}
 
-    RECORDER_INLINE Lanes decode(Lanes &cursor, Lanes left, Lanes top, Lanes &values, Lanes &longest) const {
+    RECORDER_INLINE Wide decode(Wide &cursor, const Wide &left, const Wide &top, Wide &values, Wide &longest) const {
+        BigEndianGather::Offsets offsets;
+        BigEndianGather::prepare(offsets, right32<3>(cursor));
+        const Wide low = min32(left, top), high = max32(left, top);
+        const Wide size = sub32(sub32(high, low), minus_one_);
+        const Wide biased = exponent32(size), context = sub32(biased, bias_);
+        const Wide short_codes = sub32(left_by32(two_, context), size);
+        const Wide k = look_up(k_, add32(biased, index_bias_));
+
         // At least 25 bits: the longest code word. A sentinel ends the run of zeros at ten.
-        const Lanes bits = left_by32(source_.load(right32<3>(cursor)), common(cursor, seven_));
-        const Lanes exponent = exponent32(both(right32<8>(bits), sentinel_));
-        const Lanes zeros = sub32(leading_, exponent);
+        const Wide bits = left_by32(source_.load(offsets), common(cursor, seven_));
+        const Wide exponent = exponent32(both(right32<8>(bits), sentinel_));
+        const Wide zeros = sub32(leading_, exponent);
+        const Wide tail_length = choose32(bits, context, k);
+        const Wide tail = right_by32(left_by32(bits, sub32(zeros, minus_one_)), sub32(thirty_one_, tail_length));
+        const Wide half = right32<1>(tail);
 
-        const Lanes low = min32(left, top), high = max32(left, top);
-        const Lanes size = sub32(sub32(high, low), minus_one_);
-        const Lanes biased = exponent32(size), context = sub32(biased, bias_);
-        const Lanes short_codes = sub32(left_by32(two_, context), size);
-        const Lanes k = look_up(k_, add32(biased, index_bias_));
-        const Lanes tail_length = choose32(bits, context, k);
-        const Lanes tail = right_by32(left_by32(bits, sub32(zeros, minus_one_)), sub32(thirty_one_, tail_length));
-        const Lanes half = right32<1>(tail);
+        const Wide is_short = greater32(short_codes, half);
+        const Wide inside = add32(low, choose32(is_short, half, sub32(tail, short_codes)));
+        const Wide beyond = sub32(add32(left_by32(add32(zeros, minus_one_), k), half), minus_one_);
+        const Wide outside = choose32(left32<31>(tail), add32(high, beyond), sub32(low, beyond));
+        const Wide saved = common(is_short, signed_right32<31>(bits));
+        const Wide length = add32(add32(add32(zeros, two_), tail_length), saved);
 
-        const Lanes is_short = greater32(short_codes, half);
-        const Lanes inside = add32(low, choose32(is_short, half, sub32(tail, short_codes)));
-        const Lanes beyond = sub32(add32(left_by32(add32(zeros, minus_one_), k), half), minus_one_);
-        const Lanes outside = choose32(left32<31>(tail), add32(high, beyond), sub32(low, beyond));
-        const Lanes saved = common(is_short, signed_right32<31>(bits));
-        const Lanes length = add32(add32(add32(zeros, two_), tail_length), saved);
-
-        const Lanes is_escape = greater32(zeros, last_zeros_);
-        const Lanes raw = right_by32(left32<escape_prefix>(bits), escape_shift_);
-        const Lanes value = choose32(is_escape, raw, choose32(bits, inside, outside));
+        const Wide is_escape = greater32(zeros, last_zeros_);
+        const Wide raw = right_by32(left32<escape_prefix>(bits), escape_shift_);
+        const Wide value = choose32(is_escape, raw, choose32(bits, inside, outside));
         values = both(values, value);
         longest = max32(longest, zeros);
         cursor = min32(add32(cursor, choose32(is_escape, escape_length_, length)), limit_);
@@ -75,29 +75,19 @@ using Rows = WaveRows<1>;
 template <std::uint32_t steps, bool edge>
 RECORDER_INLINE void advance(const PixelDecoder &decoder, State &state, const std::uint16_t *above,
                              Lanes (*results)[2], const std::uint32_t *starting) {
-    Lanes cursors[vectors], lefts[vectors], values[vectors], zeros[vectors];
-    for (std::uint32_t v = 0; v < vectors; ++v) {
-        cursors[v] = load(state.cursors + lanes32 * v);
-        lefts[v] = load(state.lefts + lanes32 * v);
-        values[v] = load(state.values + lanes32 * v);
-        zeros[v] = load(state.zeros + lanes32 * v);
-    }
+    Wide cursors = load_wide(state.cursors), lefts = load_wide(state.lefts);
+    Wide values = load_wide(state.values), zeros = load_wide(state.zeros);
     for (std::uint32_t i = 0; i < steps; ++i) {
-        Lanes before = all32(above[i]);
-        for (std::uint32_t v = 0; v < vectors; ++v) {
-            const Lanes top = shifted_up32(before, lefts[v]);
-            before = lefts[v];
-            if (edge) lefts[v] = choose(load(starting + lanes32 * v), top, lefts[v]);
-            lefts[v] = decoder.decode(cursors[v], lefts[v], top, values[v], zeros[v]);
-        }
-        for (std::uint32_t v = 0; v < vectors; v += 2) results[i][v / 2] = pack32(lefts[v], lefts[v + 1]);
+        const Wide tops = shifted_up32(all32(above[i]), lefts);
+        if (edge) lefts = choose32(load_wide(starting), tops, lefts);
+        lefts = decoder.decode(cursors, lefts, tops, values, zeros);
+        results[i][0] = pack32(lefts.part[0], lefts.part[1]);
+        results[i][1] = pack32(lefts.part[2], lefts.part[3]);
     }
-    for (std::uint32_t v = 0; v < vectors; ++v) {
-        store(state.cursors + lanes32 * v, cursors[v]);
-        store(state.lefts + lanes32 * v, lefts[v]);
-        store(state.values + lanes32 * v, values[v]);
-        store(state.zeros + lanes32 * v, zeros[v]);
-    }
+    store_wide(state.cursors, cursors);
+    store_wide(state.lefts, lefts);
+    store_wide(state.values, values);
+    store_wide(state.zeros, zeros);
 }
 
 // Thirty-two numbers of these from number 32 - j on mark lane j.

@@ -116,19 +116,6 @@ RECORDER_INLINE Lanes dot_pairs16(Lanes a, Lanes b) { return _mm256_madd_epi16(a
 // The exponent of a as a float, biased by 127: 127 + floor(log2(a)) of 1 <= a < 2^24.
 RECORDER_INLINE Lanes exponent32(Lanes a) { return right32<23>(_mm256_castps_si256(_mm256_cvtepi32_ps(a))); }
 
-// 32 bits from each of base + offset, the first byte the highest.
-class BigEndianGather {
-  public:
-    explicit BigEndianGather(const std::uint8_t *base) : base_(base) {}
-    RECORDER_INLINE Lanes load(Lanes offset) const {
-        return look_up(_mm256_i32gather_epi32(reinterpret_cast<const int *>(base_), offset, 1), reversed_);
-    }
-
-  private:
-    const std::uint8_t *base_;
-    Lanes reversed_ = kept(_mm256_broadcastsi128_si256(
-        _mm_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12)));
-};
 // Two vectors of 32-bit numbers below 2^16 in one of 16-bit numbers: 0-3 of a, of b, 4-7 of a, of b.
 RECORDER_INLINE Lanes pack32(Lanes a, Lanes b) { return _mm256_packus_epi32(a, b); }
 // The numbers of `a` one lane up, behind the last one of `before`.
