@@ -107,6 +107,8 @@ class Decoder {
         if (has_wide() && avx2::decodes(h_) && decode_wave()) return;
         if (h_.model == Model::raw) {
             for (std::uint32_t y = 0; y < h_.height; ++y) unpack_row(y);
+        } else if (h_.model == Model::felics_ls) {
+            for (std::uint32_t y = 0; y < h_.height; ++y) decode_ls_row(y);
         } else {
             decode_one(0);
             std::uint32_t y = 1;
@@ -148,6 +150,24 @@ class Decoder {
         for (std::uint32_t x = 0; x < h_.width; ++x, bit += h_.depth)
             row[x] = static_cast<std::uint16_t>(peek(payload_, bit) >> (64u - h_.depth));
         cursor.bit = bit;
+    }
+
+    void decode_ls_row(std::uint32_t y) {
+        Cursor &cursor = cursor_of(y);
+        std::uint16_t *row = image_ + std::size_t{y} * h_.width;
+        const std::uint16_t *above = row - h_.width;
+        const std::uint32_t middle = 1u << (h_.depth - 1u);
+        for (std::uint32_t x = 0; x < h_.width; ++x) {
+            const Neighbours n = y == 0 ? Neighbours(row, middle, x)
+                                        : Neighbours(row, above, y > 1 ? above - h_.width : above,
+                                                     y > 1 ? *(above - h_.width) : middle, h_.width, x);
+            const Decoded pixel =
+                decode_ls_pixel(peek(payload_, cursor.bit), LsInterval(n, h_.ls_table, h_.depth), h_.depth);
+            if (cursor.bit + pixel.length > cursor.end) throw FormatError{"a stream ends early", cursor.end / 8};
+            if (pixel.wrong != 0) throw FormatError{"a code that means no pixel", cursor.bit / 8};
+            cursor.bit += pixel.length;
+            row[x] = static_cast<std::uint16_t>(pixel.value);
+        }
     }
 
     void decode_one(std::uint32_t y) {

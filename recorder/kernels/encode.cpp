@@ -110,6 +110,26 @@ void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) 
     header.checksum = ~crc;
 }
 
+// The same by the model felics-ls.
+void encode_ls_rows(Writers &writers, const std::uint16_t *pixels, Header &header) {
+    std::uint32_t crc = crc32c_start;
+    const std::uint32_t width = header.width, middle = 1u << (header.depth - 1u);
+    for (std::uint32_t y = 0; y < header.height; ++y) {
+        const std::uint16_t *row = pixels + std::size_t{y} * width, *above = row - width;
+        BitWriter &writer = writers[y % written_streams];
+        check_row(row, width, header.depth);
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const Neighbours n = y == 0 ? Neighbours(row, middle, x)
+                                        : Neighbours(row, above, y > 1 ? above - width : above,
+                                                     y > 1 ? *(above - width) : middle, width, x);
+            const Code code = encode_ls_pixel(row[x], LsInterval(n, header.ls_table, header.depth), header.depth);
+            writer.append(code.value, code.length);
+        }
+        crc = crc32c_update(crc, row, width * sizeof *row);
+    }
+    header.checksum = ~crc;
+}
+
 // The bytes of all streams, where each was written.
 struct Payload {
     const std::uint8_t *memory;
@@ -165,18 +185,21 @@ std::size_t largest_encoding(std::uint32_t width, std::uint32_t height, std::uin
 }
 
 std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint32_t width, std::uint32_t height,
-                   std::uint32_t depth, Model model, const KTable *table) {
+                   std::uint32_t depth, Model model, const std::uint8_t *table) {
     thread_local Scratch<std::uint8_t> scratch;
     Header header;
     header.model = model;
     header.depth = static_cast<std::uint8_t>(depth);
     header.width = width;
     header.height = height;
-    if (model == Model::felics) {
-        header.table = table ? *table : train_table(pixels, width, height, depth);
-    } else {
+    if (model == Model::raw) {
         for (std::uint32_t y = 0; y < height; ++y) check_row(pixels + std::size_t{y} * width, width, depth);
         header.checksum = crc32c(pixels, std::size_t{width} * height * sizeof *pixels);
+    } else if (table != nullptr) {
+        read_table(header, table);
+        if (sound_table(header) < table_size(model)) throw ArgumentError{"k is 0 to 15 and at most the bit depth"};
+    } else {
+        train(header, pixels);
     }
 
     Payload payload{};
@@ -188,12 +211,14 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         for (std::uint32_t s = 0; s < written_streams; ++s) writers[s] = BitWriter(memory + payload.begins[s]);
         if (header.model == Model::raw) {
             pack_rows(writers, pixels, header);
+        } else if (header.model == Model::felics_ls) {
+            encode_ls_rows(writers, pixels, header);
         } else {
             encode_rows(writers, pixels, header);
         }
         for (std::uint32_t s = 0; s < written_streams; ++s)
             header.lengths[s] = static_cast<std::uint32_t>(writers[s].size());
-        if (header.model == Model::raw || header.payload() + contexts <= packed_size(header)) break;
+        if (header.model == Model::raw || header.payload() + table_size(header.model) <= packed_size(header)) break;
         header.model = Model::raw;  // noise: the samples as they are need less
     }
     const std::size_t written = frame(target, header, payload);

@@ -80,7 +80,7 @@ def test_marker_inside(inserted: bytes, where: float) -> None:
 HEADER_CASES: list[tuple[str, object, str]] = [
     ("version", 0, "unknown version at byte 2"),
     ("version", 2, "unknown version at byte 2"),
-    ("model", 2, "unknown model at byte 3"),
+    ("model", 3, "unknown model at byte 3"),
     ("model", 255, "unknown model at byte 3"),
     ("bits", 0, "bit depth is not 1 to 16 at byte 4"),
     ("bits", 17, "bit depth is not 1 to 16 at byte 4"),
