@@ -3,6 +3,7 @@
 #include "cpu.hpp"
 #include "crc32c.hpp"
 #include "decode_avx2.hpp"
+#include "decode_ls_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "scratch.hpp"
@@ -104,7 +105,8 @@ class Decoder {
     }
 
     void run() {
-        if (has_wide() && avx2::decodes(h_) && decode_wave()) return;
+        if (has_wide() && avx2::decodes(h_) && decode_wave(avx2::decode_rows)) return;
+        if (has_wide() && avx2::decodes_ls(h_) && decode_wave(avx2::decode_ls_rows)) return;
         if (h_.model == Model::raw) {
             for (std::uint32_t y = 0; y < h_.height; ++y) unpack_row(y);
         } else if (h_.model == Model::felics_ls) {
@@ -127,14 +129,18 @@ class Decoder {
     }
 
     // False if the image is broken: then decoding row by row tells where.
-    bool decode_wave() {
+    bool decode_wave(decltype(avx2::decode_rows) decode_rows) {
         thread_local Scratch<std::uint16_t> scratch;
         const std::array<Cursor, most_streams> before = cursors_;
-        decode_one(0);
+        if (h_.model == Model::felics_ls) {
+            decode_ls_row(0);
+        } else {
+            decode_one(0);
+        }
         avx2::StreamEnds streams[written_streams];
         for (std::uint32_t s = 0; s < written_streams; ++s)
             streams[s] = {static_cast<std::uint32_t>(cursors_[s].bit), static_cast<std::uint32_t>(cursors_[s].end)};
-        if (avx2::decode_rows(image_, scratch.reserve(h_.width), payload_, h_, streams)) {
+        if (decode_rows(image_, scratch.reserve(h_.width), payload_, h_, streams)) {
             for (std::uint32_t s = 0; s < written_streams; ++s) cursors_[s].bit = streams[s].bit;
             for (std::uint32_t s = 0; s < written_streams; ++s) check_end(cursors_[s]);
             return true;
@@ -155,7 +161,7 @@ class Decoder {
     void decode_ls_row(std::uint32_t y) {
         Cursor &cursor = cursor_of(y);
         std::uint16_t *row = image_ + std::size_t{y} * h_.width;
-        const std::uint16_t *above = row - h_.width;
+        const std::uint16_t *above = y > 0 ? row - h_.width : row;
         const std::uint32_t middle = 1u << (h_.depth - 1u);
         for (std::uint32_t x = 0; x < h_.width; ++x) {
             const Neighbours n = y == 0 ? Neighbours(row, middle, x)

@@ -4,6 +4,7 @@
 #include "cpu.hpp"
 #include "crc32c.hpp"
 #include "encode_avx2.hpp"
+#include "encode_ls_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "rows.hpp"
@@ -110,24 +111,50 @@ void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) 
     header.checksum = ~crc;
 }
 
-// The same by the model felics-ls.
-void encode_ls_rows(Writers &writers, const std::uint16_t *pixels, Header &header) {
-    std::uint32_t crc = crc32c_start;
+void encode_ls_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t y, const Header &header) {
     const std::uint32_t width = header.width, middle = 1u << (header.depth - 1u);
+    const std::uint16_t *above = y > 0 ? row - width : row, *above_2 = y > 1 ? above - width : above;
+    const std::uint32_t corner = y > 1 ? above_2[0] : middle;
+    for (std::uint32_t x = 0; x < width; ++x) {
+        const Neighbours n =
+            y == 0 ? Neighbours(row, middle, x) : Neighbours(row, above, above_2, corner, width, x);
+        const Code code = encode_ls_pixel(row[x], LsInterval(n, header.ls_table, header.depth), header.depth);
+        writer.append(code.value, code.length);
+    }
+}
+
+// The same by the model felics-ls: `encode_row(row, y)` appends a row.
+template <typename EncodeRow>
+void encode_ls_rows(const std::uint16_t *pixels, Header &header, EncodeRow encode_row) {
+    std::uint32_t crc = crc32c_start;
     for (std::uint32_t y = 0; y < header.height; ++y) {
-        const std::uint16_t *row = pixels + std::size_t{y} * width, *above = row - width;
-        BitWriter &writer = writers[y % written_streams];
-        check_row(row, width, header.depth);
-        for (std::uint32_t x = 0; x < width; ++x) {
-            const Neighbours n = y == 0 ? Neighbours(row, middle, x)
-                                        : Neighbours(row, above, y > 1 ? above - width : above,
-                                                     y > 1 ? *(above - width) : middle, width, x);
-            const Code code = encode_ls_pixel(row[x], LsInterval(n, header.ls_table, header.depth), header.depth);
-            writer.append(code.value, code.length);
-        }
-        crc = crc32c_update(crc, row, width * sizeof *row);
+        const std::uint16_t *row = pixels + std::size_t{y} * header.width;
+        check_row(row, header.width, header.depth);
+        crc = crc32c_update(crc, row, header.width * sizeof *row);
+        encode_row(row, y);
     }
     header.checksum = ~crc;
+}
+
+void encode_ls(Writers &writers, const std::uint16_t *pixels, Header &header) {
+    const auto scalar = [&](const std::uint16_t *row, std::uint32_t y) {
+        encode_ls_row(writers[y % written_streams], row, y, header);
+    };
+    if (!has_wide() || header.width < avx2::narrowest_encoded) {
+        encode_ls_rows(pixels, header, scalar);
+        return;
+    }
+    thread_local Scratch<std::uint16_t> scratch;
+    avx2::LsLines lines(scratch.reserve(avx2::LsLines::size(header.width)), header.width);
+    encode_ls_rows(pixels, header, [&](const std::uint16_t *row, std::uint32_t y) {
+        lines.add(row, y > 0 ? *(row - header.width) : 1u << (header.depth - 1u));
+        if (y == 0) {
+            scalar(row, y);
+        } else {
+            avx2::encode_ls_row(writers[y % written_streams], lines, header.width, y > 1, header.depth,
+                                header.ls_table);
+        }
+    });
 }
 
 // The bytes of all streams, where each was written.
@@ -212,7 +239,7 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         if (header.model == Model::raw) {
             pack_rows(writers, pixels, header);
         } else if (header.model == Model::felics_ls) {
-            encode_ls_rows(writers, pixels, header);
+            encode_ls(writers, pixels, header);
         } else {
             encode_rows(writers, pixels, header);
         }

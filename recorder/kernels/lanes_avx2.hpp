@@ -83,6 +83,18 @@ RECORDER_INLINE Lanes equal8(Lanes a, Lanes b) { return _mm256_cmpeq_epi8(a, b);
 // The highest bit of every byte, the first byte's the lowest.
 RECORDER_INLINE std::uint32_t high_bits8(Lanes a) { return static_cast<std::uint32_t>(_mm256_movemask_epi8(a)); }
 RECORDER_INLINE std::uint32_t lowest_bit(std::uint32_t a) { return _tzcnt_u32(a); }
+// By one count for all.
+RECORDER_INLINE Lanes left16_by(Lanes a, std::uint32_t count) {
+    return _mm256_sll_epi16(a, _mm_cvtsi32_si128(static_cast<int>(count)));
+}
+RECORDER_INLINE Lanes right16_by(Lanes a, std::uint32_t count) {
+    return _mm256_srl_epi16(a, _mm_cvtsi32_si128(static_cast<int>(count)));
+}
+RECORDER_INLINE Lanes signed_right16_by(Lanes a, std::uint32_t count) {
+    return _mm256_sra_epi16(a, _mm_cvtsi32_si128(static_cast<int>(count)));
+}
+RECORDER_INLINE Lanes saturating_add16(Lanes a, Lanes b) { return _mm256_adds_epi16(a, b); }  // signed
+
 RECORDER_INLINE Lanes signed_max8(Lanes a, Lanes b) { return _mm256_max_epi8(a, b); }
 RECORDER_INLINE Lanes signed_add8(Lanes a, Lanes b) { return _mm256_adds_epi8(a, b); }  // saturating
 
@@ -122,6 +134,12 @@ RECORDER_INLINE Lanes pack32(Lanes a, Lanes b) { return _mm256_packus_epi32(a, b
 RECORDER_INLINE Lanes shifted_up32(Lanes before, Lanes a) {
     return _mm256_alignr_epi8(a, _mm256_permute2x128_si256(before, a, 0x21), 12);
 }
+RECORDER_INLINE Lanes shifted_up16(Lanes before, Lanes a) {
+    return _mm256_alignr_epi8(a, _mm256_permute2x128_si256(before, a, 0x21), 14);
+}
+// The lower and the upper eight 16-bit numbers as 32-bit ones.
+RECORDER_INLINE Lanes widened_low16(Lanes a) { return _mm256_cvtepu16_epi32(_mm256_castsi256_si128(a)); }
+RECORDER_INLINE Lanes widened_high16(Lanes a) { return _mm256_cvtepu16_epi32(_mm256_extracti128_si256(a, 1)); }
 // Of each half (128 bits) of a and b the lower or upper numbers, in turns.
 RECORDER_INLINE Lanes interleave_low16(Lanes a, Lanes b) { return _mm256_unpacklo_epi16(a, b); }
 RECORDER_INLINE Lanes interleave_high16(Lanes a, Lanes b) { return _mm256_unpackhi_epi16(a, b); }
@@ -144,5 +162,7 @@ RECORDER_INLINE Lanes right64(Lanes a) {
 // Of every two 64-bit numbers of a and of b the first ones, or the second ones: a0 b0 a2 b2, a1 b1 a3 b3.
 RECORDER_INLINE Lanes firsts64(Lanes a, Lanes b) { return _mm256_unpacklo_epi64(a, b); }
 RECORDER_INLINE Lanes seconds64(Lanes a, Lanes b) { return _mm256_unpackhi_epi64(a, b); }
+// a0 a2 a1 a3.
+RECORDER_INLINE Lanes middle_swapped64(Lanes a) { return _mm256_permute4x64_epi64(a, 0xD8); }
 
 }  // namespace recorder::avx2

@@ -34,11 +34,14 @@ class WaveRows {
         if (group > 0) last_ = rows_;
         for (std::uint32_t j = 0; j < wave_rows; ++j)
             rows_[j] = exists(group, j) ? image_ + std::size_t{row_of(group, j)} * width_ : sink_;
-        const std::uint32_t above = row_of(group, 0) - 1;
-        above_ = above < height_ ? image_ + std::size_t{above} * width_ : sink_;
+        above_ = row_above(group);
+        next_above_ = row_above(group + 1);
+        above_2_ = group > 0 && above_ != sink_ ? above_ - width_ : above_;
     }
-    // The row above lane 0's.
+    // The row above lane 0's, the one above that (for row 1 the same), and the one above lane 0's next row.
     const std::uint16_t *above() const { return above_; }
+    const std::uint16_t *above_2() const { return above_2_; }
+    const std::uint16_t *next_above() const { return next_above_; }
 
     // Stores what was decoded while lane 0 stood at x .. x + 7, where no lane starts a row.
     RECORDER_INLINE void put(const Results &results, std::uint32_t x) const {
@@ -70,6 +73,10 @@ class WaveRows {
   private:
     std::uint32_t row_of(std::uint32_t group, std::uint32_t lane) const {
         return first_row_ + group * wave_rows + lane;
+    }
+    const std::uint16_t *row_above(std::uint32_t group) const {
+        const std::uint32_t y = row_of(group, 0) - 1;
+        return y < height_ ? image_ + std::size_t{y} * width_ : sink_;
     }
     static constexpr std::uint32_t lane_of(std::uint32_t half, std::uint32_t i) {
         return 16 * half + (i < 4 ? i : i + 4);
@@ -104,7 +111,7 @@ class WaveRows {
     }
 
     std::uint16_t *image_, *sink_;
-    const std::uint16_t *above_ = nullptr;
+    const std::uint16_t *above_ = nullptr, *above_2_ = nullptr, *next_above_ = nullptr;
     std::uint32_t width_, height_, first_row_;
     std::array<std::uint16_t *, wave_rows> rows_, last_;
 };
