@@ -75,6 +75,10 @@ RECORDER_WIDE void encode_stretch_wide(BitWriter &writer, const Stretch &stretch
 }
 
 void pack_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
+    if (has_wide() && depth <= avx2::deepest_encoded) {
+        avx2::pack_row(writer, row, width, depth);
+        return;
+    }
     BitWriter out = writer;
     for (std::uint32_t x = 0; x < width; ++x) out.append(row[x], depth);
     writer = out;

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "append_avx2.hpp"
 #include "checksum_avx2.hpp"
-#include "logarithm_avx2.hpp"
+#include "code_avx2.hpp"
 
 namespace recorder::avx2 {
 namespace {
@@ -13,16 +12,7 @@ namespace {
 // encode_pixel of code.hpp. Numbers with "_twice" hold the same byte twice, as table indices do.
 class PixelEncoder {
   public:
-    PixelEncoder(const KTable &table, std::uint32_t depth)
-        : escape_one_(kept(all16(1u << depth))), escape_length_(kept(all16(longest_code(depth)))) {
-        alignas(16) std::uint8_t ks[16], rests[16];
-        for (std::size_t c = 0; c < 16; ++c) {
-            ks[c] = table[c];
-            rests[c] = static_cast<std::uint8_t>(15 - ks[c]);
-        }
-        k_ = kept(table16(ks));
-        fifteen_minus_k_ = kept(table16(rests));
-    }
+    PixelEncoder(const KTable &table, std::uint32_t depth) : assembler_(depth), k_(kept(table16(table.data()))) {}
 
     RECORDER_INLINE Codes encode(Lanes x, Lanes left, Lanes top) const {
         const Lanes low = min16(left, top), high = max16(left, top);
@@ -31,35 +21,22 @@ class PixelEncoder {
 
         // Inside: the prefix and v, or one bit more and v + t.
         const Lanes short_codes = sub16(add16(power, power), size);
-        const Lanes inside_value = sub16(x, low);
-        const Lanes is_short = greater16(short_codes, inside_value);
-        const Lanes inside_code = add16(add16(power, inside_value), and_not(is_short, add16(power, short_codes)));
+        const Lanes inside = sub16(x, low);
+        const Lanes is_short = greater16(short_codes, inside);
+        const Codes inside_code = {
+            add16(add16(power, inside), and_not(is_short, add16(power, short_codes))),
+            add16(add16(common(context_twice, low_byte_), is_short), two_)};
 
-        // Outside: the prefix, the remainder and the side; the zeros before it are only counted.
         const Lanes beyond = both(monus16(low, x), monus16(x, high));
-        const Lanes is_inside = equal16(beyond, zero());
-        const Lanes distance = monus16(beyond, one_);
-        const Lanes k_twice = look_up(k_, context_twice), divisor = powers_.power(k_twice);
-        const Lanes quotient = multiply_high16(add16(distance, distance),
-                                               powers_.power(look_up(fifteen_minus_k_, context_twice)));
-        const Lanes remainder = common(distance, sub16(divisor, one_));
-        const Lanes half = add16(divisor, remainder);
-        const Lanes outside_code = sub16(add16(half, half), greater16(x, high));
-
-        const Lanes tail = common(choose(is_inside, context_twice, k_twice), low_byte_);
-        const Lanes rest = choose(is_inside, is_short, add16(quotient, one_));
-        const Lanes length = add16(add16(tail, rest), two_);
-        const Lanes value = choose(is_inside, inside_code, outside_code);
-
-        const Lanes is_escape = greater16(quotient, last_quotient_);
-        return {choose(is_escape, both(x, escape_one_), value), choose(is_escape, escape_length_, length)};
+        return assembler_.assemble(powers_, x, equal16(beyond, zero()), inside_code, monus16(beyond, one_),
+                                   sub16(zero(), greater16(x, high)), look_up(k_, context_twice));
     }
 
   private:
     Powers powers_;
-    Lanes k_, fifteen_minus_k_, escape_one_, escape_length_;
+    CodeAssembler assembler_;
+    Lanes k_;
     Lanes one_ = kept(all16(1)), two_ = kept(all16(2)), low_byte_ = kept(all16(0xFF));
-    Lanes last_quotient_ = kept(all16(escape_zeros - 2));
 };
 
 // The rest of a row in a full step, with code words of no bits behind its end.
@@ -115,6 +92,26 @@ std::uint32_t encode_row(BitWriter &bits, const std::uint16_t *row, std::uint32_
     }
     writer.finish(bits);
     return static_cast<std::uint32_t>(crc);
+}
+
+void pack_row(BitWriter &bits, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
+    const Merger merger(depth);
+    const Lanes lengths = all16(depth);
+    BitWriter scalar = bits;
+    WordWriter writer(bits);
+    WordBlock block;
+    std::uint32_t x = 0;
+    while (x + step_pixels <= width) {
+        const std::uint32_t end = std::min(width - step_pixels, x + (WordBlock::steps - 1) * step_pixels);
+        for (; x <= end; x += step_pixels) {
+            prefetch(row + x + width);
+            merger.merge({load(row + x), lengths}, {load(row + x + lanes16), lengths}, block);
+        }
+        block.append_to(writer);
+    }
+    writer.finish(scalar);
+    for (; x < width; ++x) scalar.append(row[x], depth);
+    bits = scalar;
 }
 
 std::uint32_t bits_in_use(const std::uint16_t *row, std::uint32_t width) {

@@ -17,6 +17,9 @@ constexpr std::uint32_t narrowest_encoded = 32;
 std::uint32_t encode_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth,
                          const KTable &table, std::uint32_t crc);
 
+// Appends the pixels of a row as they are, up to deepest_encoded bits each.
+void pack_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth);
+
 // All pixels' bits together.
 std::uint32_t bits_in_use(const std::uint16_t *row, std::uint32_t width);
 
