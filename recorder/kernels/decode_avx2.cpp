@@ -26,9 +26,10 @@ class PixelDecoder {
           escape_shift_(kept(all32(32u - header.depth))),
           k_(kept(table16(header.table.data()))) {}
 
-    RECORDER_INLINE Wide decode(Wide &cursor, const Wide &left, const Wide &top, Wide &values, Wide &longest) const {
-        BigEndianGather::Offsets offsets;
+    RECORDER_INLINE void prepare(BigEndianGather::Offsets &offsets, const Wide &cursor) const {
         BigEndianGather::prepare(offsets, right32<3>(cursor));
+    }
+    RECORDER_INLINE Wide decode(const BigEndianGather::Offsets &offsets, Wide &cursor, const Wide &left, const Wide &top, Wide &values, Wide &longest) const {
         const Wide low = min32(left, top), high = max32(left, top);
         const Wide size = sub32(sub32(high, low), minus_one_);
         const Wide biased = exponent32(size), context = sub32(biased, bias_);
@@ -75,19 +76,31 @@ using Rows = WaveRows<1>;
 template <std::uint32_t steps, bool edge>
 RECORDER_INLINE void advance(const PixelDecoder &decoder, State &state, const std::uint16_t *above,
                              Lanes (*results)[2], const std::uint32_t *starting) {
-    Wide cursors = load_wide(state.cursors), lefts = load_wide(state.lefts);
-    Wide values = load_wide(state.values), zeros = load_wide(state.zeros);
-    for (std::uint32_t i = 0; i < steps; ++i) {
-        const Wide tops = shifted_up32(all32(above[i]), lefts);
-        if (edge) lefts = choose32(load_wide(starting), tops, lefts);
-        lefts = decoder.decode(cursors, lefts, tops, values, zeros);
-        results[i][0] = pack32(lefts.part[0], lefts.part[1]);
-        results[i][1] = pack32(lefts.part[2], lefts.part[3]);
+    Wide cursors[2], lefts[2], values[2], zeros[2];
+    for (std::uint32_t h = 0; h < 2; ++h) {
+        cursors[h] = load_wide(state.cursors + wide_lanes * h);
+        lefts[h] = load_wide(state.lefts + wide_lanes * h);
+        values[h] = load_wide(state.values + wide_lanes * h);
+        zeros[h] = load_wide(state.zeros + wide_lanes * h);
     }
-    store_wide(state.cursors, cursors);
-    store_wide(state.lefts, lefts);
-    store_wide(state.values, values);
-    store_wide(state.zeros, zeros);
+    for (std::uint32_t i = 0; i < steps; ++i) {
+        BigEndianGather::Offsets offsets[2];
+        Wide tops[2] = {shifted_up32(all32(above[i]), lefts[0]), shifted_up32(lefts[0].part[wide_parts - 1], lefts[1])};
+#pragma GCC unroll 2
+        for (std::uint32_t h = 0; h < 2; ++h) decoder.prepare(offsets[h], cursors[h]);
+#pragma GCC unroll 2
+        for (std::uint32_t h = 0; h < 2; ++h) {
+            if (edge) lefts[h] = choose32(load_wide(starting + wide_lanes * h), tops[h], lefts[h]);
+            lefts[h] = decoder.decode(offsets[h], cursors[h], lefts[h], tops[h], values[h], zeros[h]);
+            results[i][h] = pack32(lefts[h].part[0], lefts[h].part[1]);
+        }
+    }
+    for (std::uint32_t h = 0; h < 2; ++h) {
+        store_wide(state.cursors + wide_lanes * h, cursors[h]);
+        store_wide(state.lefts + wide_lanes * h, lefts[h]);
+        store_wide(state.values + wide_lanes * h, values[h]);
+        store_wide(state.zeros + wide_lanes * h, zeros[h]);
+    }
 }
 
 // Thirty-two numbers of these from number 32 - j on mark lane j.

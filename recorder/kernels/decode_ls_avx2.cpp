@@ -27,9 +27,7 @@ RECORDER_INLINE Pair choose(const Pair &mask, const Pair &yes, const Pair &no) {
 RECORDER_INLINE Pair shifted_up16(Lanes first, const Pair &a) {
     return {{avx2::shifted_up16(first, a.part[0]), avx2::shifted_up16(a.part[0], a.part[1])}};
 }
-RECORDER_INLINE Wide widened(const Pair &a) {
-    return {{widened_low16(a.part[0]), widened_high16(a.part[0]), widened_low16(a.part[1]), widened_high16(a.part[1])}};
-}
+RECORDER_INLINE Wide widened(Lanes a) { return {{widened_low16(a), widened_high16(a)}}; }
 
 // What the lanes know from step to step, named as in the model: a is the last pixel, e the one before, d the
 // upper right neighbour of the last step and so b of the next one.
@@ -61,7 +59,12 @@ class LsDecoder {
     template <std::uint32_t steps, bool edge>
     RECORDER_INLINE void advance(State &state, const std::uint16_t *right_above, const std::uint16_t *above_2,
                                  Lanes (*results)[2], const Edge *at) const {
-        Wide cursors = load_wide(state.cursors), values = load_wide(state.values), zeros = load_wide(state.zeros);
+        Wide cursors[2], values[2], zeros[2];
+        for (std::uint32_t h = 0; h < 2; ++h) {
+            cursors[h] = load_wide(state.cursors + wide_lanes * h);
+            values[h] = load_wide(state.values + wide_lanes * h);
+            zeros[h] = load_wide(state.zeros + wide_lanes * h);
+        }
         Pair a = load_pair(state.a), e = load_pair(state.e), last_d = load_pair(state.d);
         Pair last_b = load_pair(state.b), b_before = load_pair(state.b_before);
         for (std::uint32_t i = 0; i < steps; ++i) {
@@ -75,18 +78,29 @@ class LsDecoder {
                 c = choose(starts, choose(row_1, {{middle_, middle_}}, f), c);
                 d = choose(load_pair(at->ends), b, d);
             }
-            const Wide pixels = decode({{a, b, c, d, e, f}}, cursors, values, zeros);
-            results[i][0] = pack32(pixels.part[0], pixels.part[1]);
-            results[i][1] = pack32(pixels.part[2], pixels.part[3]);
+            Pair pixels;
+            BigEndianGather::Offsets offsets[2];
+#pragma GCC unroll 2
+            for (std::uint32_t h = 0; h < 2; ++h) BigEndianGather::prepare(offsets[h], right32<3>(cursors[h]));
+#pragma GCC unroll 2
+            for (std::uint32_t h = 0; h < 2; ++h) {
+                const Wide decoded =
+                    decode({a.part[h], b.part[h], c.part[h], d.part[h], e.part[h], f.part[h]}, offsets[h],
+                           cursors[h], values[h], zeros[h]);
+                results[i][h] = pack32(decoded.part[0], decoded.part[1]);
+                pixels.part[h] = middle_swapped64(results[i][h]);
+            }
             e = a;
-            a = {{middle_swapped64(results[i][0]), middle_swapped64(results[i][1])}};
+            a = pixels;
             b_before = last_b;
             last_b = b;
             last_d = next_b;
         }
-        store_wide(state.cursors, cursors);
-        store_wide(state.values, values);
-        store_wide(state.zeros, zeros);
+        for (std::uint32_t h = 0; h < 2; ++h) {
+            store_wide(state.cursors + wide_lanes * h, cursors[h]);
+            store_wide(state.values + wide_lanes * h, values[h]);
+            store_wide(state.zeros + wide_lanes * h, zeros[h]);
+        }
         store_pair(state.a, a);
         store_pair(state.e, e);
         store_pair(state.d, last_d);
@@ -95,24 +109,13 @@ class LsDecoder {
     }
 
   private:
-    struct Around {
-        Pair a_b_c_d_e_f[6];
-    };
-
     // decode_ls_pixel of model_ls.hpp.
-    RECORDER_INLINE Wide decode(const Around &around, Wide &cursor, Wide &values, Wide &longest) const {
-        BigEndianGather::Offsets offsets;
-        BigEndianGather::prepare(offsets, right32<3>(cursor));
-        Pair predictions, codes;
-        for (std::uint32_t i = 0; i < 2; ++i) {
-            const auto &n = around.a_b_c_d_e_f;
-            const LsLanes lanes =
-                model_.apply({n[0].part[i], n[1].part[i], n[2].part[i], n[3].part[i], n[4].part[i], n[5].part[i]});
-            predictions.part[i] = lanes.prediction;
-            codes.part[i] = both(common(lanes.m_twice, all16(0xFF)), left16<8>(lanes.k_twice));
-        }
+    RECORDER_INLINE Wide decode(const LsNeighbourLanes &around, const BigEndianGather::Offsets &offsets,
+                                Wide &cursor, Wide &values, Wide &longest) const {
+        const LsLanes at = model_.apply(around);
+        const Lanes codes = both(common(at.m_twice, all16(0xFF)), left16<8>(at.k_twice));
         const Wide code = widened(codes), m = common(code, all32(0xFF)), k = right32<8>(code);
-        const Wide size = left_by32(one_, m), low = sub32(widened(predictions), right32<1>(size));
+        const Wide size = left_by32(one_, m), low = sub32(widened(at.prediction), right32<1>(size));
 
         const Wide bits = left_by32(source_.load(offsets), common(cursor, seven_));
         const Wide zeros = sub32(leading_, exponent32(both(right32<8>(bits), sentinel_)));

@@ -321,6 +321,27 @@ def test_walk_refuses_nothing_and_the_header_tells() -> None:
     assert list(codec.walk(b"\xff\xff\xe8\xff\xff\xe9")) == [slice(1, 6)]
 
 
+def golden_picture() -> NDArray[np.uint16]:
+    y, x = np.mgrid[:70, :136]
+    levels: NDArray[Any] = (x * x // 7 + y * 11 + (x * 2654435761 + y * 40503) % 31) % 1024
+    return levels.astype(np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("model", "tables", "size", "checksum"),
+    [
+        ("raw", b"", 12100, 0x463336BE),
+        ("felics", bytes([2, 2, 2, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 9, 10, 10, 10]), 8959, 0x7F860F1B),
+        ("felics-ls", bytes([0x33] * 64 + [0, 32] * 16 + [0, 0] * 64), 8864, 0xE2E24FD1),
+    ],
+)
+def test_the_format_stays_as_it_is(model: codec.Model, tables: bytes, size: int, checksum: int) -> None:
+    data = codec.encode(golden_picture(), model=model, tables=tables)
+    assert (len(data), oracle.crc32c(data)) == (size, checksum)
+    assert np.array_equal(codec.decode(data), golden_picture())
+    assert codec.read_header(data).tables == tables
+
+
 def test_threads_do_not_disturb_each_other() -> None:
     images = [content("photograph", 300, 400, 10, seed=seed) for seed in range(4)]
     expected = [codec.encode(image) for image in images]
