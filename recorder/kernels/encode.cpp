@@ -127,22 +127,22 @@ void encode_ls_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t y,
     }
 }
 
-// The same by the model felics-ls: `encode_row(row, y)` appends a row.
+// The same by the model felics-ls: `encode_row(row, y, crc)` appends a row and moves the checksum on.
 template <typename EncodeRow>
 void encode_ls_rows(const std::uint16_t *pixels, Header &header, EncodeRow encode_row) {
     std::uint32_t crc = crc32c_start;
     for (std::uint32_t y = 0; y < header.height; ++y) {
         const std::uint16_t *row = pixels + std::size_t{y} * header.width;
         check_row(row, header.width, header.depth);
-        crc = crc32c_update(crc, row, header.width * sizeof *row);
-        encode_row(row, y);
+        crc = encode_row(row, y, crc);
     }
     header.checksum = ~crc;
 }
 
 void encode_ls(Writers &writers, const std::uint16_t *pixels, Header &header) {
-    const auto scalar = [&](const std::uint16_t *row, std::uint32_t y) {
+    const auto scalar = [&](const std::uint16_t *row, std::uint32_t y, std::uint32_t crc) {
         encode_ls_row(writers[y % written_streams], row, y, header);
+        return crc32c_update(crc, row, header.width * sizeof *row);
     };
     if (!has_wide() || header.width < avx2::narrowest_encoded) {
         encode_ls_rows(pixels, header, scalar);
@@ -150,14 +150,11 @@ void encode_ls(Writers &writers, const std::uint16_t *pixels, Header &header) {
     }
     thread_local Scratch<std::uint16_t> scratch;
     avx2::LsLines lines(scratch.reserve(avx2::LsLines::size(header.width)), header.width);
-    encode_ls_rows(pixels, header, [&](const std::uint16_t *row, std::uint32_t y) {
+    encode_ls_rows(pixels, header, [&](const std::uint16_t *row, std::uint32_t y, std::uint32_t crc) {
         lines.add(row, y > 0 ? *(row - header.width) : 1u << (header.depth - 1u));
-        if (y == 0) {
-            scalar(row, y);
-        } else {
-            avx2::encode_ls_row(writers[y % written_streams], lines, header.width, y > 1, header.depth,
-                                header.ls_table);
-        }
+        if (y == 0) return scalar(row, y, crc);
+        return avx2::encode_ls_row(writers[y % written_streams], lines, row, header.width, y > 1, header.depth,
+                                   header.ls_table, crc);
     });
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "checksum_avx2.hpp"
 #include "code_avx2.hpp"
 #include "model_ls_avx2.hpp"
 
@@ -49,17 +50,20 @@ void LsLines::add(const std::uint16_t *row, std::uint32_t beside) {
     lines_[0][width_] = row[width_ - 1];
 }
 
-void encode_ls_row(BitWriter &bits, const LsLines &lines, std::uint32_t width, bool two_above, std::uint32_t depth,
-                   const LsTable &table) {
+std::uint32_t encode_ls_row(BitWriter &bits, const LsLines &lines, const std::uint16_t *row, std::uint32_t width,
+                            bool two_above, std::uint32_t depth, const LsTable &table, std::uint32_t first_crc) {
     const LsPixelEncoder encoder(table, depth);
     const Merger merger(depth);
     const std::uint16_t *line = lines.line(0), *above = lines.line(1), *above_2 = lines.line(two_above ? 2 : 1);
     WordWriter writer(bits);
     WordBlock block;
+    std::uint64_t crc = first_crc;
     std::uint32_t x = 0;
     while (x + step_pixels <= width) {
         const std::uint32_t end = std::min(width - step_pixels, x + (WordBlock::steps - 1) * step_pixels);
         for (; x <= end; x += step_pixels) {
+            prefetch(row + x + width);  // a row ahead
+            crc = checksum_step(crc, line + x);
             const Codes first = encoder.encode(line + x, above + x, above_2 + x);
             const std::uint32_t next = x + lanes16;
             merger.merge(first, encoder.encode(line + next, above + next, above_2 + next), block);
@@ -68,6 +72,7 @@ void encode_ls_row(BitWriter &bits, const LsLines &lines, std::uint32_t width, b
     }
     if (x < width) {
         // The rest of the row in a full step, with code words of no bits behind its end.
+        crc = checksum_rest(crc, line + x, width - x);
         Codes codes[2];
         for (std::uint32_t i = 0; i < 2; ++i, x += lanes16) {
             std::uint16_t wanted[lanes16] = {};
@@ -79,6 +84,7 @@ void encode_ls_row(BitWriter &bits, const LsLines &lines, std::uint32_t width, b
         block.append_to(writer);
     }
     writer.finish(bits);
+    return static_cast<std::uint32_t>(crc);
 }
 
 }  // namespace recorder::avx2

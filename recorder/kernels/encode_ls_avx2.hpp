@@ -28,8 +28,9 @@ class LsLines {
     std::uint16_t *lines_[3];
 };
 
-// Appends the newest row, which has a row above it, all of depth deepest_ls at most.
-void encode_ls_row(BitWriter &writer, const LsLines &lines, std::uint32_t width, bool two_above,
-                   std::uint32_t depth, const LsTable &table);
+// Appends the newest row, which has a row above it, and returns `crc` (a running CRC-32C register) moved on over
+// its pixels, which also stand at `row`.
+std::uint32_t encode_ls_row(BitWriter &writer, const LsLines &lines, const std::uint16_t *row, std::uint32_t width,
+                            bool two_above, std::uint32_t depth, const LsTable &table, std::uint32_t crc);
 
 }  // namespace recorder::avx2
