@@ -84,12 +84,13 @@ void scramble(Random &random, std::vector<std::uint8_t> &bytes) {
 }
 
 void one_picture(Random &random) {
-    const std::uint32_t depth = 1u + below(random, 16), width = 1u + below(random, 90), height = 1u + below(random, 70);
+    const std::uint32_t depth = 1u + below(random, 16), width = 1u + below(random, 170), height = 1u + below(random, 70);
     const auto pixels = picture(random, width, height, depth);
     std::vector<std::uint8_t> bytes(largest_encoding(width, height, depth));
     {
         const std::unique_ptr<std::uint8_t[]> target(new std::uint8_t[bytes.size()]);
-        const Model model = below(random, 4) ? Model::felics : Model::raw;
+        Model model = static_cast<Model>(below(random, 3));
+        if (depth > deepest_ls && model == Model::felics_ls) model = Model::felics;
         bytes.resize(encode(target.get(), pixels.get(), width, height, depth, model, nullptr));
         std::copy_n(target.get(), bytes.size(), bytes.begin());
     }

@@ -6,9 +6,15 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 kernels=$root/recorder/kernels
 build=$(mktemp -d)
 trap 'rm -rf "$build"' EXIT
-sources=$(find "$kernels" -name '*.cpp' ! -name bindings.cpp)
-# shellcheck disable=SC2086  # one path a word
-"${CXX:-g++}" -std=c++17 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -Wall -Wextra \
-    -I"$kernels" "$root/tools/sanitize.cpp" $sources -o "$build/sanitize"
+flags="-std=c++17 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -Wall -Wextra -I$kernels"
+for source in "$root/tools/sanitize.cpp" $(find "$kernels" -name '*.cpp' ! -name bindings.cpp); do
+    case $source in
+        *_avx2.cpp) wide="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe" ;;
+        *) wide="" ;;
+    esac
+    # shellcheck disable=SC2086  # one flag a word
+    "${CXX:-g++}" $flags $wide -c "$source" -o "$build/$(basename "$source").o"
+done
+"${CXX:-g++}" -fsanitize=address,undefined "$build"/*.o -o "$build/sanitize"
 "$build/sanitize" "${1:-1000}"
 RECORDER_PORTABLE_KERNELS=1 "$build/sanitize" "${1:-1000}"

@@ -9,6 +9,7 @@ from recorder.codec.felics import (
     encode_into,
     max_encoded_size,
     read_header,
+    train,
 )
 from recorder.codec.stream import Buffer, walk
 
@@ -22,5 +23,6 @@ __all__ = [
     "encode_into",
     "max_encoded_size",
     "read_header",
+    "train",
     "walk",
 ]

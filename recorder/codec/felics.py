@@ -10,7 +10,7 @@ from recorder import kernels
 from recorder.codec.stream import Buffer
 from recorder.errors import CodecError
 
-Model = Literal["raw", "felics"]
+Model = Literal["raw", "felics", "felics-ls"]
 KChoice = int | Literal["context", "trained"]
 
 _MODELS: Final[tuple[Model, ...]] = get_args(Model)
@@ -32,26 +32,37 @@ class FelicsHeader:
     """CRC-32C of the pixels as little-endian uint16 in row order."""
     k: tuple[int, ...]
     """The Golomb-Rice parameter of each context; empty for the model raw."""
+    tables: bytes
+    """The model's whole table, as `encode` takes it."""
     stream_lengths: tuple[int, ...]
     """Bytes, before stuffing."""
 
 
 def encode(
-    image: NDArray[Any], *, bit_depth: int = 10, model: Model = "felics", k: KChoice = "trained"
+    image: NDArray[Any],
+    *,
+    bit_depth: int = 10,
+    model: Model = "felics",
+    k: KChoice = "trained",
+    tables: bytes | None = None,
 ) -> bytes:
     """One complete image, ``FF E8 … FF E9``.
 
     Args:
         image: (H, W) pixels, uint8 or uint16, right-aligned.
         bit_depth: bits per pixel, 1 to 16.
-        model: "felics", which falls back to "raw" by itself where that is smaller, or "raw".
-        k: the Golomb-Rice parameter: an int for all contexts, "context" for a fixed one per context,
-            "trained" for the best per context on every 32nd row of this image. The first two are faster.
+        model: "felics", "felics-ls" (a tenth smaller, up to 12 bits), both of which fall back to "raw" by
+            themselves where that is smaller, or "raw".
+        k: the Golomb-Rice parameter of the model felics: an int for all contexts, "context" for a fixed one
+            per context, "trained" for the best per context on every 32nd row of this image.
+        tables: what ``train`` returned for this or a similar image and the same model and depth, instead of
+            training. An image carries its tables, so each can be decoded alone.
 
     Raises:
         ValueError: another shape or type, a pixel above the bit depth, or an argument out of range.
     """
-    return kernels.felics_encode(_checked(image), bit_depth, _model_id(model), _table(k, bit_depth))
+    number = _model_id(model)
+    return kernels.felics_encode(_checked(image), bit_depth, number, _table(model, k, tables, bit_depth))
 
 
 def encode_into(
@@ -61,6 +72,7 @@ def encode_into(
     bit_depth: int = 10,
     model: Model = "felics",
     k: KChoice = "trained",
+    tables: bytes | None = None,
 ) -> int:
     """``encode`` into the caller's contiguous 1-D array of at least ``max_encoded_size`` bytes.
 
@@ -68,7 +80,19 @@ def encode_into(
     """
     if out.dtype != np.uint8 or out.ndim != 1 or not out.flags.c_contiguous or not out.flags.writeable:
         raise ValueError("the output must be a writable contiguous 1-D array of uint8")
-    return kernels.felics_encode_into(_checked(image), out, bit_depth, _model_id(model), _table(k, bit_depth))
+    number = _model_id(model)
+    return kernels.felics_encode_into(
+        _checked(image), out, bit_depth, number, _table(model, k, tables, bit_depth)
+    )
+
+
+def train(image: NDArray[Any], *, bit_depth: int = 10, model: Model = "felics-ls") -> bytes:
+    """The tables that suit every 32nd row of this image, for ``encode``.
+
+    About once a second is enough for a camera. Raises ValueError as ``encode`` does.
+    """
+    _check_depth(bit_depth)
+    return kernels.felics_train(_checked(image), bit_depth, _model_id(model))
 
 
 def max_encoded_size(width: int, height: int, bit_depth: int = 10) -> int:
@@ -102,7 +126,9 @@ def read_header(data: Buffer) -> FelicsHeader:
         version, model, depth, xor, width, height, checksum, table, lengths = kernels.felics_header(data)
     except kernels.FormatError as fault:
         raise _codec_error(fault) from None
-    return FelicsHeader(version, _MODELS[model], depth, xor, width, height, checksum, tuple(table), lengths)
+    name = _MODELS[model]
+    ks = tuple(byte >> 4 for byte in table[:64]) if name == "felics-ls" else tuple(table)
+    return FelicsHeader(version, name, depth, xor, width, height, checksum, ks, table, lengths)
 
 
 def _codec_error(fault: kernels.FormatError) -> CodecError:
@@ -127,13 +153,15 @@ def _model_id(model: str) -> int:
     return _MODELS.index(model)
 
 
-def _table(k: KChoice, bit_depth: int) -> bytes:
-    """The k of each context; empty where the kernel is to train it."""
+def _table(model: Model, k: KChoice, tables: bytes | None, bit_depth: int) -> bytes:
+    """The model's table; empty where the kernel is to train it."""
     _check_depth(bit_depth)
+    if tables is not None:
+        return tables
     if k == "trained":
         return b""
-    if k == "context":
-        return kernels.felics_usual_table(bit_depth)
-    if isinstance(k, str) or not 0 <= k <= min(15, bit_depth):
+    if k != "context" and (isinstance(k, str) or not 0 <= k <= min(15, bit_depth)):
         raise ValueError(f"k is 'context', 'trained' or 0 to {min(15, bit_depth)}, not {k!r}")
-    return bytes([k]) * _CONTEXTS
+    if model != "felics":
+        return b""
+    return kernels.felics_usual_table(bit_depth) if k == "context" else bytes([k]) * _CONTEXTS

@@ -13,10 +13,13 @@ class FormatError(ValueError):
     args: tuple[str, int]
 
 def felics_encode(image: _Image, depth: int, model: int, table: bytes) -> bytes:
-    """One whole image of C-contiguous (H, W) pixels; ``table`` is 17 k, or empty. Raises ValueError."""
+    """One image of C-contiguous (H, W) pixels; ``table`` is the model's or empty. Raises ValueError."""
 
 def felics_encode_into(image: _Image, out: NDArray[np.uint8], depth: int, model: int, table: bytes) -> int:
     """felics_encode into an array of at least felics_largest_encoding bytes; returns the bytes written."""
+
+def felics_train(image: _Image, depth: int, model: int) -> bytes:
+    """The model's table for this image: what encoding without one would use. Raises ValueError."""
 
 def felics_largest_encoding(width: int, height: int, depth: int) -> int:
     """How many bytes an image of this shape takes at most."""
@@ -25,7 +28,7 @@ def felics_usual_table(depth: int) -> bytes:
     """The fixed k of each of the 17 contexts."""
 
 def felics_header(data: _Buffer) -> tuple[int, int, int, int, int, int, int, bytes, tuple[int, ...]]:
-    """Version, model, depth, mask, width, height, checksum, k table, stream lengths. Raises FormatError."""
+    """Version, model, depth, mask, width, height, checksum, table, stream lengths. Raises FormatError."""
 
 def felics_shape(data: _Buffer) -> tuple[int, int]:
     """(H, W) of an image whose frame, header and lengths agree. Raises FormatError."""

@@ -3,6 +3,7 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "buffer.hpp"
@@ -27,8 +28,8 @@ using Output = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 struct Job {
     std::uint32_t width, height, depth;
     Model model;
-    KTable table;
-    const KTable *table_or_null;
+    std::array<std::uint8_t, largest_table> table;
+    const std::uint8_t *table_or_null;
 };
 
 template <typename T>
@@ -38,16 +39,14 @@ void make_job(const Image<T> &image, int depth, int model, const nb::bytes &tabl
         std::uint64_t{width} * height > most_pixels)
         throw nb::value_error("an image is 1 to 65535 pixels wide and high and has at most 2^28 pixels");
     if (depth < 1 || depth > 16) throw nb::value_error("a bit depth is 1 to 16");
-    if (model != 0 && model != 1) throw nb::value_error("unknown model");
-    if (table.size() != 0 && table.size() != contexts) throw nb::value_error("a table has 17 k");
+    if (model < 0 || model > 2) throw nb::value_error("unknown model");
+    if (model == 2 && depth > static_cast<int>(deepest_ls)) throw nb::value_error("felics-ls has a bit depth of 12 at most");
     job = {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), static_cast<std::uint32_t>(depth),
-           static_cast<Model>(model), KTable{}, nullptr};
-    if (table.size() == contexts) {
-        std::copy_n(reinterpret_cast<const std::uint8_t *>(table.c_str()), contexts, job.table.begin());
-        for (const std::uint8_t k : job.table)
-            if (k > 15 || k > depth) throw nb::value_error("k is 0 to 15 and at most the bit depth");
-        job.table_or_null = &job.table;
-    }
+           static_cast<Model>(model), {}, nullptr};
+    if (table.size() == 0) return;
+    if (table.size() != table_size(job.model)) throw nb::value_error("a table of another model");
+    std::copy_n(reinterpret_cast<const std::uint8_t *>(table.c_str()), table.size(), job.table.begin());
+    job.table_or_null = job.table.data();
 }
 
 // Eight-bit images are widened first: the pixel checksum is over 16 bits.
@@ -98,6 +97,26 @@ nb::bytes encode_to_bytes(const Image<T> &image, int depth, int model, const nb:
     return result;
 }
 
+template <typename T>
+nb::bytes trained_table(const Image<T> &image, int depth, int model) {
+    Job job;
+    make_job(image, depth, model, nb::bytes("", 0), job);
+    Header header;
+    header.model = job.model;
+    header.depth = static_cast<std::uint8_t>(job.depth);
+    header.width = job.width;
+    header.height = job.height;
+    const T *pixels = image.data();
+    {
+        nb::gil_scoped_release released;
+        thread_local Scratch<std::uint16_t> scratch;
+        train(header, widen(pixels, std::size_t{job.width} * job.height, scratch));
+        scratch.trim();
+    }
+    write_table(job.table.data(), header);
+    return nb::bytes(job.table.data(), table_size(job.model));
+}
+
 void decode_into(nb::handle data, Output<std::uint16_t, 2> out) {
     const Buffer buffer(data);
     std::uint16_t *pixels = out.data();
@@ -117,7 +136,9 @@ nb::tuple header_fields(nb::handle data) {
     const Header h = parse_header(buffer.data(), buffer.size()).header;
     nb::list lengths;
     for (std::uint32_t s = 0; s < h.streams; ++s) lengths.append(h.lengths[s]);
-    const nb::bytes table(h.table.data(), h.model == Model::felics ? contexts : 0u);
+    std::array<std::uint8_t, largest_table> bytes;
+    write_table(bytes.data(), h);
+    const nb::bytes table(bytes.data(), table_size(h.model));
     return nb::make_tuple(format_version, static_cast<int>(h.model), h.depth, h.mask, h.width, h.height, h.checksum,
                           table, nb::tuple(lengths));
 }
@@ -179,6 +200,8 @@ NB_MODULE(_kernels, m) {
           "depth"_a, "model"_a, "table"_a);
     m.def("felics_encode_into", encode_into<std::uint8_t>, nb::arg("image").noconvert(), nb::arg("out").noconvert(),
           "depth"_a, "model"_a, "table"_a);
+    m.def("felics_train", trained_table<std::uint16_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a);
+    m.def("felics_train", trained_table<std::uint8_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a);
     m.def("felics_largest_encoding", largest_encoding, "width"_a, "height"_a, "depth"_a);
     m.def("felics_usual_table", usual_table_bytes, "depth"_a);
     m.def("felics_header", header_fields, "data"_a);

@@ -57,10 +57,42 @@ class BitWriter {
     }
 
   private:
+    friend class WordWriter;
+
     std::uint8_t *begin_ = nullptr;
     std::uint8_t *cursor_ = nullptr;
     std::uint64_t pending_ = 0;
     std::uint32_t used_ = 0;
+};
+
+// Goes on where a BitWriter stands, with longer words and fewer steps for each, until finish(). Stores the
+// whole 64 bits around its end.
+class WordWriter {
+  public:
+    explicit WordWriter(const BitWriter &from) : begin_(from.cursor_), pending_(from.pending_), end_(from.used_) {}
+
+    // Appends the high `length` bits of `word`, 0 <= length <= 63, all lower bits zero. (Shifts count
+    // modulo 64, as the machine's do; where the second one would be by 64 its result is not used.)
+    [[gnu::always_inline]] void append(std::uint64_t word, std::uint64_t length) {
+        const std::uint64_t joined = pending_ | (word >> (end_ & 63u)), rest = word << ((0u - end_) & 63u);
+        const std::uint64_t at = end_ >> 6;
+        store_big_endian(begin_ + 8 * at, joined);
+        end_ += length;
+        pending_ = end_ >> 6 != at ? rest : joined;
+    }
+
+    void finish(BitWriter &to) const {
+        const std::uint64_t used = end_ & 63u;
+        store_big_endian(begin_ + 8 * (end_ >> 6), pending_);
+        to.cursor_ = begin_ + (end_ >> 3);
+        to.pending_ = pending_ << (used & 56u);
+        to.used_ = static_cast<std::uint32_t>(used & 7u);
+    }
+
+  private:
+    std::uint8_t *begin_;
+    std::uint64_t pending_;  // the bits behind the last whole 64
+    std::uint64_t end_;      // bits since begin_
 };
 
 // 57 or more valid bits from bit position `bit` on, left-aligned. Reads 8 bytes from byte bit / 8.

@@ -14,16 +14,18 @@
 
 namespace recorder {
 
+// Whether RECORDER_WIDE functions and those of the *_avx2.cpp files may be called. Without them (other
+// machines) it is false when compiled, and no call of theirs remains.
 // RECORDER_PORTABLE_KERNELS in the environment holds a process to the baseline, for tests.
-inline bool has_wide() {
 #if RECORDER_HAS_WIDE
+inline bool has_wide() {
     static const bool has = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 &&
-                            __builtin_cpu_supports("bmi2") != 0 && __builtin_cpu_supports("lzcnt") != 0 &&
+                            __builtin_cpu_supports("bmi2") != 0 && __builtin_cpu_supports("lzcnt") != 0 && __builtin_cpu_supports("movbe") != 0 &&
                             std::getenv("RECORDER_PORTABLE_KERNELS") == nullptr;
     return has;
-#else
-    return false;
-#endif
 }
+#else
+constexpr bool has_wide() { return false; }
+#endif
 
 }  // namespace recorder

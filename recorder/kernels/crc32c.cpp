@@ -111,11 +111,14 @@ std::uint32_t crc32c_portable(const void *data, std::size_t size) {
     return ~update_portable(~0u, static_cast<const std::uint8_t *>(data), size);
 }
 
-std::uint32_t crc32c(const void *data, std::size_t size) {
+std::uint32_t crc32c_update(std::uint32_t crc, const void *data, std::size_t size) {
+    const auto *bytes = static_cast<const std::uint8_t *>(data);
 #if defined(__x86_64__)
-    if (has_instruction()) return ~update_three(~0u, static_cast<const std::uint8_t *>(data), size);
+    if (has_instruction()) return update_three(crc, bytes, size);
 #endif
-    return crc32c_portable(data, size);
+    return update_portable(crc, bytes, size);
 }
+
+std::uint32_t crc32c(const void *data, std::size_t size) { return ~crc32c_update(crc32c_start, data, size); }
 
 }  // namespace recorder

@@ -12,4 +12,8 @@ std::uint32_t crc32c(const void *data, std::size_t size);
 // The same by tables alone, on every machine.
 std::uint32_t crc32c_portable(const void *data, std::size_t size);
 
+// The same in pieces: from crc32c_start, over each piece, and inverted at the end.
+constexpr std::uint32_t crc32c_start = ~0u;
+std::uint32_t crc32c_update(std::uint32_t crc, const void *data, std::size_t size);
+
 }  // namespace recorder

@@ -2,6 +2,8 @@
 
 #include "cpu.hpp"
 #include "crc32c.hpp"
+#include "decode_avx2.hpp"
+#include "decode_ls_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "scratch.hpp"
@@ -103,8 +105,12 @@ class Decoder {
     }
 
     void run() {
+        if (has_wide() && avx2::decodes(h_) && decode_wave(avx2::decode_rows)) return;
+        if (has_wide() && avx2::decodes_ls(h_) && decode_wave(avx2::decode_ls_rows)) return;
         if (h_.model == Model::raw) {
             for (std::uint32_t y = 0; y < h_.height; ++y) unpack_row(y);
+        } else if (h_.model == Model::felics_ls) {
+            for (std::uint32_t y = 0; y < h_.height; ++y) decode_ls_row(y);
         } else {
             decode_one(0);
             std::uint32_t y = 1;
@@ -122,6 +128,27 @@ class Decoder {
         return y > 0 ? row.tops[-1] : 1u << (h_.depth - 1u);
     }
 
+    // False if the image is broken: then decoding row by row tells where.
+    bool decode_wave(decltype(avx2::decode_rows) decode_rows) {
+        thread_local Scratch<std::uint16_t> scratch;
+        const std::array<Cursor, most_streams> before = cursors_;
+        if (h_.model == Model::felics_ls) {
+            decode_ls_row(0);
+        } else {
+            decode_one(0);
+        }
+        avx2::StreamEnds streams[written_streams];
+        for (std::uint32_t s = 0; s < written_streams; ++s)
+            streams[s] = {static_cast<std::uint32_t>(cursors_[s].bit), static_cast<std::uint32_t>(cursors_[s].end)};
+        if (decode_rows(image_, scratch.reserve(h_.width), payload_, h_, streams)) {
+            for (std::uint32_t s = 0; s < written_streams; ++s) cursors_[s].bit = streams[s].bit;
+            for (std::uint32_t s = 0; s < written_streams; ++s) check_end(cursors_[s]);
+            return true;
+        }
+        cursors_ = before;
+        return false;
+    }
+
     void unpack_row(std::uint32_t y) {
         Cursor &cursor = cursor_of(y);  // its length was checked with the header: it holds all its rows
         std::uint16_t *row = image_ + std::size_t{y} * h_.width;
@@ -129,6 +156,24 @@ class Decoder {
         for (std::uint32_t x = 0; x < h_.width; ++x, bit += h_.depth)
             row[x] = static_cast<std::uint16_t>(peek(payload_, bit) >> (64u - h_.depth));
         cursor.bit = bit;
+    }
+
+    void decode_ls_row(std::uint32_t y) {
+        Cursor &cursor = cursor_of(y);
+        std::uint16_t *row = image_ + std::size_t{y} * h_.width;
+        const std::uint16_t *above = y > 0 ? row - h_.width : row;
+        const std::uint32_t middle = 1u << (h_.depth - 1u);
+        for (std::uint32_t x = 0; x < h_.width; ++x) {
+            const Neighbours n = y == 0 ? Neighbours(row, middle, x)
+                                        : Neighbours(row, above, y > 1 ? above - h_.width : above,
+                                                     y > 1 ? *(above - h_.width) : middle, h_.width, x);
+            const Decoded pixel =
+                decode_ls_pixel(peek(payload_, cursor.bit), LsInterval(n, h_.ls_table, h_.depth), h_.depth);
+            if (cursor.bit + pixel.length > cursor.end) throw FormatError{"a stream ends early", cursor.end / 8};
+            if (pixel.wrong != 0) throw FormatError{"a code that means no pixel", cursor.bit / 8};
+            cursor.bit += pixel.length;
+            row[x] = static_cast<std::uint16_t>(pixel.value);
+        }
     }
 
     void decode_one(std::uint32_t y) {

@@ -55,7 +55,7 @@ class Reader {
     std::size_t position_ = marker_size;
     std::size_t field_ = marker_size;
     std::size_t count_ = 0;
-    std::array<std::uint8_t, header_fixed_size + contexts + 4 * most_streams + 4> bytes_{};
+    std::array<std::uint8_t, header_fixed_size + largest_table + 4 * most_streams + 4> bytes_{};
 };
 
 std::uint64_t bytes_of_bits(std::uint64_t bits) { return (bits + 7) / 8; }
@@ -86,9 +86,11 @@ std::size_t write_header(std::uint8_t *target, const Header &header) {
     out.put(header.height, 4);
     out.put(header.streams, 2);
     out.put(header.checksum, 4);
-    out.put(header.model == Model::felics ? contexts : 0u, 2);
-    if (header.model == Model::felics)
-        for (const std::uint8_t k : header.table) out.put(k, 1);
+    std::array<std::uint8_t, largest_table> table;
+    const std::size_t table_bytes = table_size(header.model);
+    write_table(table.data(), header);
+    out.put(static_cast<std::uint32_t>(table_bytes), 2);
+    for (std::size_t i = 0; i < table_bytes; ++i) out.put(table[i], 1);
     for (std::uint32_t s = 0; s < header.streams; ++s) out.put(header.lengths[s], 4);
     out.put(crc32c(target, out.size()), 4);
     return out.size();
@@ -103,7 +105,7 @@ ParsedHeader parse_header(const std::uint8_t *data, std::size_t size) {
     // First what says how long the header is, then its checksum, then what it claims.
     if (in.get(1) != format_version) in.fail("unknown version");
     const std::uint32_t model = in.get(1);
-    if (model > static_cast<std::uint32_t>(Model::felics)) in.fail("unknown model");
+    if (model > static_cast<std::uint32_t>(Model::felics_ls)) in.fail("unknown model");
     header.model = static_cast<Model>(model);
     header.depth = static_cast<std::uint8_t>(in.get(1));
     header.mask = static_cast<std::uint8_t>(in.get(1));
@@ -112,9 +114,11 @@ ParsedHeader parse_header(const std::uint8_t *data, std::size_t size) {
     header.streams = in.get(2);
     if (header.streams < 1 || header.streams > most_streams) in.fail("the number of streams is not 1 to 256");
     header.checksum = in.get(4);
-    if (in.get(2) != (header.model == Model::felics ? contexts : 0u)) in.fail("wrong table length for this model");
-    if (header.model == Model::felics)
-        for (std::uint8_t &k : header.table) k = static_cast<std::uint8_t>(in.get(1));
+    const std::size_t table_bytes = table_size(header.model);
+    if (in.get(2) != table_bytes) in.fail("wrong table length for this model");
+    std::array<std::uint8_t, largest_table> table;
+    for (std::size_t i = 0; i < table_bytes; ++i) table[i] = static_cast<std::uint8_t>(in.get(1));
+    read_table(header, table.data());
     for (std::uint32_t s = 0; s < header.streams; ++s) header.lengths[s] = in.get(4);
     const std::uint32_t computed = in.checksum();
     if (in.get(4) != computed) in.fail("the header's checksum is wrong");
@@ -126,13 +130,12 @@ ParsedHeader parse_header(const std::uint8_t *data, std::size_t size) {
     if (header.width < 1 || header.width > longest_side) refuse("the width is not 1 to 65535", 4);
     if (header.height < 1 || header.height > longest_side) refuse("the height is not 1 to 65535", 8);
     if (std::uint64_t{header.width} * header.height > most_pixels) refuse("more than 2^28 pixels", 4);
-    const std::size_t table_size = header.model == Model::felics ? contexts : 0u;
-    for (std::size_t c = 0; c < table_size; ++c)
-        if (header.table[c] > 15 || header.table[c] > header.depth)
-            refuse("a k above 15 or the bit depth", header_fixed_size + c);
+    if (header.model == Model::felics_ls && header.depth > deepest_ls) refuse("felics-ls is for 12 bits at most", 2);
+    if (const std::size_t index = sound_table(header); index < table_bytes)
+        refuse("a k above 15 or the bit depth", header_fixed_size + index);
     for (std::uint32_t s = 0; s < header.streams; ++s)
         if (header.lengths[s] < fewest_bytes(header, s) || header.lengths[s] > most_bytes(header, s))
-            refuse("a stream length that cannot hold its pixels", header_fixed_size + table_size + 4 * s);
+            refuse("a stream length that cannot hold its pixels", header_fixed_size + table_bytes + 4 * s);
     return {header, in.position()};
 }
 

@@ -2,7 +2,9 @@
 
 #include <cstring>
 
+#include "cpu.hpp"
 #include "error.hpp"
+#include "stuffing_avx2.hpp"
 
 namespace recorder {
 namespace {
@@ -23,9 +25,16 @@ std::size_t span_through(const std::uint8_t *source, std::size_t size, int byte,
 
 }  // namespace
 
-std::size_t stuff(std::uint8_t *target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
-                  std::size_t extra) {
+bool stuff(std::uint8_t *&target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
+           std::size_t &extra) {
     std::uint8_t *out = target;
+    if (has_wide()) {
+        avx2::Span rest{target, source, size};
+        if (!avx2::stuff(rest, mask, extra)) return false;
+        out = rest.target;
+        source = rest.source;
+        size = rest.size;
+    }
     while (size > 0) {
         bool found;
         const std::size_t span = span_through(source, size, marker_prefix ^ mask, found);
@@ -34,16 +43,25 @@ std::size_t stuff(std::uint8_t *target, const std::uint8_t *source, std::size_t 
         source += span;
         size -= span;
         if (found) {
-            if (extra-- == 0) return 0;
+            if (extra-- == 0) return false;
             *out++ = 0;
         }
     }
-    return static_cast<std::size_t>(out - target);
+    target = out;
+    return true;
 }
 
 std::size_t unstuff(std::uint8_t *target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
                     std::size_t offset) {
     std::uint8_t *out = target;
+    if (has_wide()) {
+        avx2::Span rest{target, source, size};
+        avx2::unstuff(rest, mask);
+        out = rest.target;
+        offset += static_cast<std::size_t>(rest.source - source);
+        source = rest.source;
+        size = rest.size;
+    }
     while (size > 0) {
         bool found;
         const std::size_t span = span_through(source, size, marker_prefix, found);

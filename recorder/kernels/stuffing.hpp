@@ -10,10 +10,10 @@ constexpr std::uint8_t marker_prefix = 0xFF;
 constexpr std::uint8_t start_of_image = 0xE8;
 constexpr std::uint8_t end_of_image = 0xE9;
 
-// Writes every byte of `source` XOR `mask`, stuffed. At most `extra` bytes may be added: returns the
-// bytes written, or 0 if there were more (then `target`'s content is void).
-std::size_t stuff(std::uint8_t *target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
-                  std::size_t extra);
+// Writes every byte of `source` XOR `mask`, stuffed, and moves `target` on behind them. Counts `extra` down by
+// the bytes added: false if there were more (then what was written is void).
+bool stuff(std::uint8_t *&target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
+           std::size_t &extra);
 
 // Undoes stuff() on `size` bytes that stand at byte `offset` of an image; returns the bytes written,
 // at most `size`. Throws FormatError if an FF is not followed by 00.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-RAW, FELICS = 0, 1
+RAW, FELICS, FELICS_LS = 0, 1, 2
 USUAL_MASK = 0x3C
 STREAMS = 32
 FIXED_TABLE = (2, 2, 2, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 9, 10, 11, 12)
@@ -119,6 +119,66 @@ def code_word(x: int, a: int, b: int, table: Sequence[int], bits: int) -> str:
     return "0" * 9 + "1" + binary(x, bits)
 
 
+GRADIENTS = (4, 8, 12, 16, 20, 24, 32, 40, 48, 64, 96, 128, 192, 256, 384)
+INTENSITIES = (32, 96, 272)
+
+
+def ls_neighbours(image: NDArray[np.uint16], y: int, x: int, bits: int) -> tuple[int, ...]:
+    """a b c d e f."""
+    middle = 1 << (bits - 1)
+    last = image.shape[1] - 1
+
+    def pixel(row: int, column: int) -> int:
+        return int(image[row, column])
+
+    if y == 0:
+        a = pixel(0, x - 1) if x > 0 else middle
+        return a, a, a, a, pixel(0, x - 2) if x > 1 else middle, a
+    b = pixel(y - 1, x)
+    f = pixel(y - 2, x) if y > 1 else b
+    a = pixel(y, x - 1) if x > 0 else b
+    e = pixel(y, x - 2) if x > 1 else pixel(y - 1, 0)
+    corner = f if y > 1 else middle
+    c = pixel(y - 1, x - 1) if x > 0 else corner
+    d = pixel(y - 1, x + 1) if x < last else b
+    return a, b, c, d, e, f
+
+
+def ls_interval(around: tuple[int, ...], table: bytes, bits: int) -> tuple[int, int, int]:
+    """low, m, k."""
+
+    def ten(value: int) -> int:
+        return value >> (bits - 10) if bits > 10 else value << (10 - bits)
+
+    def held(value: int) -> int:
+        return min(max(value, -32768), 32767)
+
+    a, b, c, d, e, f = around
+    slope = ten(abs(a - c) + abs(c - b) + abs(b - d) + abs(a - e))
+    gradient = sum(slope >= limit for limit in GRADIENTS)
+    level = ten((b + ((c + d + 1) >> 1) + 1) >> 1)
+    code = table[4 * gradient + sum(level >= limit for limit in INTENSITIES)]
+    weights = struct.unpack("<80h", table[64:])[gradient::16]
+    p = [
+        ((neighbour - a) * (1 << (14 - bits)) * weight + (1 << 14)) >> 15
+        for neighbour, weight in zip((b, c, d, e, f), weights, strict=True)
+    ]
+    total = held(held(held(p[0] + p[1]) + held(p[2] + p[3])) + p[4])
+    prediction = a + (held(total + (1 << (12 - bits))) >> (13 - bits))
+    m, k = code & 15, code >> 4
+    return min(max(prediction, 0), (1 << bits) - 1) - ((1 << m) >> 1), m, k
+
+
+def ls_code_word(x: int, low: int, m: int, k: int, bits: int) -> str:
+    if low <= x < low + (1 << m):
+        return "1" + binary(x - low, m)
+    d = low - x - 1 if x < low else x - low - (1 << m)
+    q = d >> k
+    if q < 8:
+        return "0" * (q + 1) + "1" + binary(d & ((1 << k) - 1), k) + ("0" if x < low else "1")
+    return "0" * 9 + "1" + binary(x, bits)
+
+
 def trained_table(image: NDArray[np.uint16], bits: int) -> bytes:
     height, width = image.shape
     ks = range(min(15, bits) + 1)
@@ -151,8 +211,13 @@ def streams_of(image: NDArray[np.uint16], bits: int, model: int, table: bytes, c
     streams: list[list[str]] = [[] for _ in range(count)]
     for y, x in np.ndindex(image.shape):
         value = int(image[y, x])
-        a, b = neighbours(image, y, x, bits)
-        word = code_word(value, a, b, table, bits) if model == FELICS else binary(value, bits)
+        match model:
+            case 1:
+                word = code_word(value, *neighbours(image, y, x, bits), table, bits)
+            case 2:
+                word = ls_code_word(value, *ls_interval(ls_neighbours(image, y, x, bits), table, bits), bits)
+            case _:
+                word = binary(value, bits)
         streams[y % count].append(word)
     return [pack("".join(words)) for words in streams]
 
@@ -168,7 +233,7 @@ def take_apart(
     """The image's parts in the given model, with the usual mask; ``table`` is trained if None."""
     if model == FELICS and table is None:
         table = trained_table(image, bits)
-    used = table if model == FELICS and table is not None else b""
+    used = table if model != RAW and table is not None else b""
     streams = streams_of(image, bits, model, used, count)
     height, width = image.shape
     return Parts(width, height, bits, streams, pixel_checksum(image), model=model, table=used)
@@ -177,7 +242,7 @@ def take_apart(
 def encode(image: NDArray[np.uint16], bits: int, *, model: int = FELICS, table: bytes | None = None) -> bytes:
     """What the product's encoder writes, byte for byte."""
     parts = take_apart(image, bits, model=model, table=table)
-    if model == FELICS:
+    if model != RAW:
         raw = take_apart(image, bits, model=RAW)
         if sum(map(len, parts.streams)) + len(parts.table) > sum(map(len, raw.streams)):
             parts = raw
@@ -224,6 +289,21 @@ def read_pixel(bits: Iterator[int], a: int, b: int, table: Sequence[int], depth:
     return high + 1 + d if take(bits, 1) else low - 1 - d
 
 
+def read_ls_pixel(bits: Iterator[int], interval: tuple[int, int, int], depth: int) -> int:
+    low, m, k = interval
+    zeros = 0
+    while take(bits, 1) == 0:
+        zeros += 1
+        if zeros > 9:
+            raise OracleError("ten zeros")
+    if zeros == 9:
+        return take(bits, depth)
+    if zeros == 0:
+        return low + take(bits, m)
+    d = (zeros - 1 << k) + take(bits, k)
+    return low + (1 << m) + d if take(bits, 1) else low - 1 - d
+
+
 def decode(data: bytes) -> NDArray[np.uint16]:
     """The pixels of a sound image; raises OracleError where the pixels cannot be read."""
     if data[:2] != b"\xff\xe8" or data[-2:] != b"\xff\xe9":
@@ -238,7 +318,7 @@ def decode(data: bytes) -> NDArray[np.uint16]:
     lengths = struct.unpack_from(f"<{count}I", body, at)
     at += 4 * count
     (header_checksum,) = struct.unpack_from("<I", body, at)
-    if version != 1 or model not in (RAW, FELICS) or crc32c(body[:at]) != header_checksum:
+    if version != 1 or model not in (RAW, FELICS, FELICS_LS) or crc32c(body[:at]) != header_checksum:
         raise OracleError("header")
     at += 4
     streams = []
@@ -249,9 +329,16 @@ def decode(data: bytes) -> NDArray[np.uint16]:
         raise OracleError("lengths")
     image = np.zeros((height, width), np.uint16)
     for y, x in np.ndindex(height, width):
-        a, b = neighbours(image, y, x, depth)
         bits = streams[y % count]
-        value = read_pixel(bits, a, b, table, depth) if model == FELICS else take(bits, depth)
+        match model:
+            case 1:
+                value = read_pixel(bits, *neighbours(image, y, x, depth), table, depth)
+            case 2:
+                value = read_ls_pixel(
+                    bits, ls_interval(ls_neighbours(image, y, x, depth), table, depth), depth
+                )
+            case _:
+                value = take(bits, depth)
         if not 0 <= value < 1 << depth:
             raise OracleError("value")
         image[y, x] = value

@@ -90,6 +90,63 @@ def test_writes_the_oracles_bytes_with_tables_given(
     )
 
 
+ls_pictures = st.builds(
+    picture_of, st.sampled_from(KINDS), shapes, st.integers(1, 12), st.integers(0, 2**32 - 1)
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(picture=ls_pictures)
+def test_writes_the_oracles_least_squares_bytes(picture: tuple[NDArray[np.uint16], int]) -> None:
+    image, bits = picture
+    tables = codec.train(image, bit_depth=bits)
+    data = codec.encode(image, bit_depth=bits, model="felics-ls")
+    assert data == oracle.encode(image, bits, model=oracle.FELICS_LS, table=tables)
+    assert data == codec.encode(image, bit_depth=bits, model="felics-ls", tables=tables)
+    assert np.array_equal(codec.decode(data), image)
+
+
+def wild_tables(seed: int, bits: int) -> bytes:
+    rng = np.random.default_rng(seed)
+    codes = rng.integers(0, bits, 64, endpoint=True) + 16 * rng.integers(0, bits, 64, endpoint=True)
+    return codes.astype(np.uint8).tobytes() + rng.integers(-32768, 32768, 80).astype("<i2").tobytes()
+
+
+@settings(max_examples=100, deadline=None)
+@given(picture=ls_pictures, seed=st.integers(0, 1000), count=st.sampled_from([1, 5, 32, 256]))
+def test_follows_the_oracle_with_any_tables(
+    picture: tuple[NDArray[np.uint16], int], seed: int, count: int
+) -> None:
+    image, bits = picture
+    tables = wild_tables(seed, bits)
+    data = codec.encode(image, bit_depth=bits, model="felics-ls", tables=tables)
+    assert data == oracle.encode(image, bits, model=oracle.FELICS_LS, table=tables)
+    assert np.array_equal(codec.decode(data), image)
+    other = oracle.take_apart(image, bits, model=oracle.FELICS_LS, table=tables, count=count).join()
+    assert np.array_equal(codec.decode(other), image)
+    assert np.array_equal(oracle.decode(other), image)
+
+
+@pytest.mark.parametrize("bits", [1, 8, 10, 12])
+@pytest.mark.parametrize("model", ["felics", "felics-ls"])
+@pytest.mark.parametrize("width", [63, 64, 72, 95, 128, 136, 200])
+@pytest.mark.parametrize("height", [2, 31, 33, 34, 100])
+def test_vector_kernels_follow_the_oracle(bits: int, model: codec.Model, width: int, height: int) -> None:
+    for kind in ("photograph", "gradient", "checkerboard"):
+        image = content(kind, height, width, bits, seed=width + height)
+        if bits == 8 and kind != "checkerboard" and height in (2, 34):
+            number = oracle.FELICS_LS if model == "felics-ls" else oracle.FELICS
+            tables = codec.train(image, bit_depth=bits, model=model)
+            data = oracle.encode(image, bits, model=number, table=tables)
+            assert codec.encode(image, bit_depth=bits, model=model) == data
+        assert np.array_equal(codec.decode(codec.encode(image, bit_depth=bits, model=model)), image)
+
+
+def test_least_squares_are_for_twelve_bits() -> None:
+    with pytest.raises(ValueError, match="12"):
+        codec.encode(np.zeros((4, 4), np.uint16), bit_depth=13, model="felics-ls")
+
+
 @settings(max_examples=30, deadline=None)
 @given(picture=pictures)
 def test_writes_the_oracles_raw_bytes(picture: tuple[NDArray[np.uint16], int]) -> None:
@@ -264,6 +321,27 @@ def test_walk_refuses_nothing_and_the_header_tells() -> None:
     assert list(codec.walk(b"\xff\xff\xe8\xff\xff\xe9")) == [slice(1, 6)]
 
 
+def golden_picture() -> NDArray[np.uint16]:
+    y, x = np.mgrid[:70, :136]
+    levels: NDArray[Any] = (x * x // 7 + y * 11 + (x * 2654435761 + y * 40503) % 31) % 1024
+    return levels.astype(np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("model", "tables", "size", "checksum"),
+    [
+        ("raw", b"", 12100, 0x463336BE),
+        ("felics", bytes([2, 2, 2, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 9, 10, 10, 10]), 8959, 0x7F860F1B),
+        ("felics-ls", bytes([0x33] * 64 + [0, 32] * 16 + [0, 0] * 64), 8864, 0xE2E24FD1),
+    ],
+)
+def test_the_format_stays_as_it_is(model: codec.Model, tables: bytes, size: int, checksum: int) -> None:
+    data = codec.encode(golden_picture(), model=model, tables=tables)
+    assert (len(data), oracle.crc32c(data)) == (size, checksum)
+    assert np.array_equal(codec.decode(data), golden_picture())
+    assert codec.read_header(data).tables == tables
+
+
 def test_threads_do_not_disturb_each_other() -> None:
     images = [content("photograph", 300, 400, 10, seed=seed) for seed in range(4)]
     expected = [codec.encode(image) for image in images]
@@ -288,10 +366,11 @@ def test_every_processor_writes_the_same_bytes() -> None:
         "import sys, numpy as np; from recorder import codec, kernels\n"
         "rng = np.random.default_rng(1)\n"
         "for bits in (1, 8, 10, 16):\n"
-        "    image = np.cumsum(rng.integers(-9, 10, (67, 533)), 1).astype(np.uint16) & ((1 << bits) - 1)\n"
-        "    data = codec.encode(image, bit_depth=bits)\n"
-        "    assert np.array_equal(codec.decode(data), image)\n"
-        "    print(kernels.crc32c(data), len(data))\n"
+        "    image = np.cumsum(rng.integers(-9, 10, (67, 536)), 1).astype(np.uint16) & ((1 << bits) - 1)\n"
+        "    for model in ('felics', 'felics-ls')[: 1 + (bits < 13)]:\n"
+        "        data = codec.encode(image, bit_depth=bits, model=model)\n"
+        "        assert np.array_equal(codec.decode(data), image)\n"
+        "        print(kernels.crc32c(data), len(data))\n"
     )
     plain = {name: value for name, value in os.environ.items() if name != "RECORDER_PORTABLE_KERNELS"}
     outputs = [

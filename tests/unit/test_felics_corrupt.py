@@ -80,7 +80,7 @@ def test_marker_inside(inserted: bytes, where: float) -> None:
 HEADER_CASES: list[tuple[str, object, str]] = [
     ("version", 0, "unknown version at byte 2"),
     ("version", 2, "unknown version at byte 2"),
-    ("model", 2, "unknown model at byte 3"),
+    ("model", 3, "unknown model at byte 3"),
     ("model", 255, "unknown model at byte 3"),
     ("bits", 0, "bit depth is not 1 to 16 at byte 4"),
     ("bits", 17, "bit depth is not 1 to 16 at byte 4"),
@@ -96,6 +96,7 @@ HEADER_CASES: list[tuple[str, object, str]] = [
     ("table", bytes([255] + [0] * 16), "a k above 15 or the bit depth at byte 22"),
     ("header_checksum", 0, "header's checksum is wrong"),
     ("checksum", 1, "pixels' checksum is wrong"),
+    ("model", 2, "wrong table length"),
     ("lengths", [1] * 257, "number of streams is not 1 to 256 at byte 14"),
     ("lengths", [2**32 - 1] * 32, "stream length that cannot hold its pixels at byte 39"),
     ("lengths", [0] * 32, "stream length that cannot hold its pixels at byte 39"),
@@ -229,6 +230,45 @@ def test_mutations_give_an_error_or_the_same_picture(seed: int) -> None:
     survived = [pixels for _ in range(2500) if (pixels := decoded_or_none(mutate(data, rng))) is not None]
     assert all(np.array_equal(pixels, image) for pixels in survived)
     assert len(survived) < 250
+
+
+@pytest.mark.parametrize("model", ["felics", "felics-ls"])
+def test_mutations_of_pictures_for_the_vector_kernels(model: codec.Model) -> None:
+    rng = np.random.default_rng(7)
+    image = picture(70, 136)
+    data = codec.encode(image, model=model)
+    survived = [pixels for _ in range(1500) if (pixels := decoded_or_none(mutate(data, rng))) is not None]
+    assert all(np.array_equal(pixels, image) for pixels in survived)
+    assert len(survived) < 150
+
+
+@pytest.mark.parametrize("model", [oracle.FELICS, oracle.FELICS_LS])
+@pytest.mark.parametrize("height", [2, 33, 70])
+def test_random_payloads_for_the_vector_kernels(model: int, height: int) -> None:
+    rng = np.random.default_rng(height)
+    image = oracle.take_apart(picture(height, 96), 10, model=model, table=usual_table(model))
+    for limit in (2, 16, 256) * 30:
+        image.streams = [rng.integers(0, limit, len(s), np.uint8).tobytes() for s in image.streams]
+        image.mask = 0
+        refused(image.join())
+
+
+def usual_table(model: int) -> bytes:
+    return codec.train(picture(64, 64), model="felics" if model == oracle.FELICS else "felics-ls")
+
+
+@pytest.mark.parametrize("stream", [0, 1, 5, 31])
+@pytest.mark.parametrize("model", [oracle.FELICS, oracle.FELICS_LS])
+def test_faults_of_one_stream_are_named_for_wide_pictures(model: int, stream: int) -> None:
+    whole = oracle.take_apart(picture(70, 128), 10, model=model, table=usual_table(model))
+    right = whole.streams[stream]
+    for bytes_now, reason in (
+        (right[:-2], "a stream ends early"),
+        (right + b"\x00", "left over in a stream"),
+        (bytes(len(right)), "means no pixel"),
+    ):
+        whole.streams[stream] = bytes_now
+        assert reason in str(refused(whole.join()))
 
 
 @pytest.mark.parametrize("seed", range(4))
