@@ -20,6 +20,9 @@ from recorder.timebase import Timebase
 
 _log = logging.getLogger("recorder.pipeline")
 
+_LS_BITS = 12
+"""The deepest frames that the model felics-ls takes."""
+
 _SMALL = 1024
 """What a record other than a frame counts for in the queue, bytes; most are shorter."""
 
@@ -169,8 +172,9 @@ class Pipeline:
     def _encode(self, frame: Frame) -> Record:
         """In a worker: compress, or say that it could not be done."""
         codec = self._settings.codec
+        model = codec.model if frame.bit_depth <= _LS_BITS else "felics"
         try:
-            data = encode(frame.pixels, bit_depth=frame.bit_depth, model=codec.model, k=codec.k)
+            data = encode(frame.pixels, bit_depth=frame.bit_depth, model=model, k=codec.k)
         except Exception as error:  # whatever it is, it costs this frame and no other
             return self._lost_to_encoder(frame, f"{type(error).__name__}: {error}")
         height, width = frame.pixels.shape

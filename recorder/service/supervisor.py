@@ -60,6 +60,7 @@ class Supervisor:
         self.description: dict[str, str] = {}
         self._samples = 0
         self._lost = 0
+        self._told = False
         self._health = Health(clock.raw_ns(), driver.name, DeviceState.STARTING)
 
     def start(self) -> None:
@@ -98,7 +99,8 @@ class Supervisor:
     def _supervise(self) -> None:
         wait_s = self._settings.retry_seconds
         while not self._stop.is_set():
-            self._say(DeviceState.STARTING)
+            if self._health.state not in (DeviceState.ABSENT, DeviceState.FAILING):
+                self._say(DeviceState.STARTING)
             before = self._samples
             failure = self._session()
             failure = self._let_go() or failure
@@ -173,7 +175,11 @@ class Supervisor:
                 self._lost += 1
 
     def _say(self, state: DeviceState, reason: str = "") -> None:
+        """Tell a change; what is tried again with the same outcome is no change."""
+        changed = (state, reason) != (self._health.state, self._health.reason) or not self._told
+        self._told = True
         self._health = Health(
             self._clock.raw_ns(), self.driver.name, state, reason, self._samples, self._lost
         )
-        self._tell(self._health)
+        if changed:
+            self._tell(self._health)

@@ -190,3 +190,15 @@ def test_raw_time_of_a_camera_goes_forward_whatever_its_stamps_say(rig: Rig) -> 
         assert verify(drive).ok
         raw = [frame.stamp.raw_ns for frame in drive.frames("front")]
     assert raw == [now, now + 1, now + 2, now + 10]
+
+
+@pytest.mark.parametrize("bit_depth", [8, 10, 16])
+def test_the_smaller_model_can_be_chosen_and_deep_frames_get_felics(tmp_path: Path, bit_depth: int) -> None:
+    chosen = settings(tmp_path)
+    chosen = chosen.model_copy(update={"codec": chosen.codec.model_copy(update={"model": "felics-ls"})})
+    rig = Rig(chosen)
+    pixels = PIXELS % (1 << min(bit_depth, 10))
+    rig.pipeline.take(Frame("front", 0, Stamp(raw_ns=1), pixels, bit_depth), live=False)
+    with open_drive(rig.close()) as drive:
+        assert verify(drive).ok
+        assert np.array_equal(drive.frames("front")[0].pixels, pixels)

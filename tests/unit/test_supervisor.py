@@ -23,8 +23,10 @@ class Scripted:
         self.live = live
         self._sessions = list(sessions)
         self.closed = 0
+        self.opened = 0
 
     def open(self) -> None:
+        self.opened += 1
         if not self._sessions:
             raise DeviceAbsent("nothing answers", where="here")
 
@@ -113,10 +115,12 @@ def test_a_device_that_fails_is_opened_again_and_what_it_missed_is_stated() -> N
 
 
 def test_an_absent_device_is_tried_for_ever() -> None:
-    watch = Watch(Scripted(), retry=True)
-    watch.until(lambda: watch.said().count(DeviceState.ABSENT) >= 4)
+    driver = Scripted()
+    watch = Watch(driver, retry=True)
+    watch.until(lambda: driver.opened >= 4)
     assert not watch.supervisor.finished.is_set()
     watch.end()
+    assert watch.said() == [DeviceState.STARTING, DeviceState.ABSENT]
 
 
 def test_one_shot_keeps_the_first_error_and_ends() -> None:
@@ -168,7 +172,7 @@ def test_a_file_that_fails_is_not_played_again() -> None:
 def test_a_file_that_is_not_there_yet_is_waited_for() -> None:
     driver = Scripted(live=False)
     watch = Watch(driver, retry=True)
-    watch.until(lambda: watch.said().count(DeviceState.ABSENT) >= 3)
+    watch.until(lambda: driver.opened >= 3)
     driver._sessions.append(frames(2))
     watch.until(watch.supervisor.finished.is_set)
     watch.end()
