@@ -114,7 +114,7 @@ class CodecSection(Section):
     """How frames are compressed."""
 
     model: Literal["felics", "felics-ls"] = "felics"
-    """felics is the fastest; felics-ls 6 to 10 % smaller, up to 12 bits (deeper frames get felics)."""
+    """felics is the fastest; felics-ls is smaller, up to 12 bits (deeper frames get felics)."""
     k: Literal["trained", "context"] | Annotated[int, Field(ge=0, le=15)] = "trained"
     """Golomb-Rice parameter of felics: trained on each frame (smallest), by context, or one number."""
     workers: Annotated[int, Field(ge=1, le=64)] = 2
