@@ -116,7 +116,7 @@ class CodecSection(Section):
     model: Literal["felics", "felics-ls"] = "felics"
     """felics is the fastest; felics-ls is smaller, up to 12 bits (deeper frames get felics)."""
     k: Literal["trained", "context"] | Annotated[int, Field(ge=0, le=15)] = "trained"
-    """Golomb-Rice parameter of felics: trained on each frame (smallest), by context, or one number."""
+    """Golomb-Rice parameter of felics: trained once a second (smallest), by context, or one number."""
     workers: Annotated[int, Field(ge=1, le=64)] = 2
     """Threads that compress."""
 

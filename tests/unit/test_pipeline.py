@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recorder.clock import SYSTEM_CLOCK
-from recorder.codec import encode
+from recorder.codec import encode, read_header
 from recorder.config import Settings, parse
 from recorder.errors import StorageError
 from recorder.samples import Frame, Loss, LossCause, NmeaSentence, Preview, Record, Stamp
@@ -202,3 +202,28 @@ def test_the_smaller_model_can_be_chosen_and_deep_frames_get_felics(tmp_path: Pa
     with open_drive(rig.close()) as drive:
         assert verify(drive).ok
         assert np.array_equal(drive.frames("front")[0].pixels, pixels)
+
+
+@pytest.mark.parametrize("model", ["felics", "felics-ls"])
+def test_tables_are_trained_once_a_second_and_every_image_stands_alone(tmp_path: Path, model: str) -> None:
+    chosen = settings(tmp_path)
+    rig = Rig(
+        chosen.model_copy(update={"codec": chosen.codec.model_copy(update={"model": model, "workers": 1})})
+    )
+    random = np.random.default_rng(1)
+    scenes = [
+        random.normal(500, spread, (48, 64)).clip(0, 1023).astype(np.uint16)
+        for spread in (20, 22, 60, 2000, 20)
+    ]
+    for number, pixels in enumerate(scenes):
+        stamp = Stamp(raw_ns=number * 600_000_000 if number < 3 else 1_200_000_000 + number)
+        rig.pipeline.take(Frame("front", number, stamp, pixels, 10), live=False)
+    with open_drive(rig.close()) as drive:
+        assert verify(drive).ok
+        frames = drive.frames("front")
+        tables = [read_header(frame.data).tables for frame in frames]
+        for frame, pixels in zip(frames, scenes, strict=True):
+            assert np.array_equal(frame.pixels, pixels)
+    assert tables[0] == tables[1] != tables[2]
+    assert tables[3] == b""  # noise: raw
+    assert tables[4] not in (b"", tables[2])  # trained again at once, not after a second
