@@ -43,7 +43,7 @@ def demo(
     with demo_rig(rig, out) as demo:
         if not json:
             print(f"recording {seconds:g} s of {demo.told}", flush=True)
-        outcome = record_one(demo.settings, demo.drivers, seconds=seconds, label="recording")
+        outcome = record_one(demo.settings, demo.drivers, seconds=seconds)
     print_failures(outcome)
     with open_drive(outcome.drive) as drive:
         with progress("verifying") as report:
@@ -107,9 +107,7 @@ def record(
     if receivers:
         drivers["gnss"] = {"source": receivers[0], "baud": baud, "realtime": realtime or live}
     settings = parse({"drivers": drivers, "storage": {"out": out}}, where="command line")
-    outcome = record_one(
-        settings, build_drivers(settings, clock=SYSTEM_CLOCK), seconds=seconds, label="recording"
-    )
+    outcome = record_one(settings, build_drivers(settings, clock=SYSTEM_CLOCK), seconds=seconds)
     print_failures(outcome)
     if not outcome.drive.is_dir():
         raise StorageError("the drive is gone", where=str(outcome.drive))
@@ -136,15 +134,13 @@ def print_failures(outcome: "Outcome") -> None:
         print(f"recorder: {failure}", file=sys.stderr, flush=True)
 
 
-def record_one(
-    settings: "Settings", drivers: Sequence["Driver"], *, seconds: float | None, label: str
-) -> "Outcome":
+def record_one(settings: "Settings", drivers: Sequence["Driver"], *, seconds: float | None) -> "Outcome":
     """A whole one-shot recording; SIGINT, SIGTERM and SIGHUP end it cleanly."""
     from recorder.service.recording import Recording
 
     stop = threading.Event()
     recording = Recording(settings, drivers, one_shot=True)
-    with stop_on_signals(stop), progress(label) as report:
+    with stop_on_signals(stop), progress("recording") as report:
         recording.start(stop)
         timer = threading.Timer(seconds, stop.set) if seconds else None
         if timer:

@@ -13,8 +13,6 @@ class CombinedTime:
     """T0: the receiver's time, or the wall clock if there was no valid fix."""
     offset_ns: int
     """The raw instant of the reference."""
-    from_gps: bool
-    """Which of the two cases holds."""
 
     @classmethod
     def at_first_frame(cls, raw_ns: int, realtime_ns: int, fix: Fix | None) -> "CombinedTime":
@@ -30,8 +28,8 @@ class CombinedTime:
             and fix.stamp.gps_ns is not None
             and fix.stamp.gps_raw_ns is not None
         ):
-            return cls(fix.stamp.gps_ns, fix.stamp.gps_raw_ns, from_gps=True)
-        return cls(realtime_ns, raw_ns, from_gps=False)
+            return cls(fix.stamp.gps_ns, fix.stamp.gps_raw_ns)
+        return cls(realtime_ns, raw_ns)
 
     def at(self, raw_ns: int) -> int:
         """Unix-like nanoseconds of a raw instant."""
