@@ -173,6 +173,26 @@ def test_codes_the_example_of_the_page() -> None:
         assert oracle.code_word(x, 100, 105, oracle.FIXED_TABLE, 10) == word
 
 
+def test_codes_the_least_squares_example_of_the_page() -> None:
+    weights = [weight for weight in (8192, -4096, 2048, 0, 1024) for _ in range(16)]
+    table = bytes([0x23] * 64) + np.array(weights, "<i2").tobytes()
+    interval = oracle.ls_interval((100, 104, 98, 110, 97, 101), table, 10)
+    assert interval == (100, 3, 2)
+    words = {100: "1000", 107: "1111", 108: "01001", 91: "0001000", 500: "0000000001" + "0111110100"}
+    for x, word in words.items():
+        assert oracle.ls_code_word(x, *interval, 10) == word
+
+
+def test_the_whole_image_of_the_page_is_one() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "felics.md").read_text(encoding="utf-8")
+    image = bytes.fromhex(page.split("### A whole image")[1].split("```")[1])
+    pixels = [[500, 501, 503, 1023], [498, 505, 500, 1022], [500, 502, 504, 0]]
+    assert codec.decode(image).tolist() == pixels
+    assert oracle.decode(image).tolist() == pixels
+    assert codec.read_header(image).stream_lengths == (9, 4)
+    assert image[2:-2].count(b"\xff\x00") == 2
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 def test_round_trips_the_cameras_shape(kind: str, bits: int) -> None:
