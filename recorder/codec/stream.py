@@ -19,15 +19,30 @@ def walk(buffer: Buffer) -> Iterator[slice]:
 
     Looks at markers only: a slice may be two bytes that look alike with whatever stands between;
     ``read_header`` tells. An image whose end is missing is passed over, and the next one found.
-    The buffer is not held between two slices.
+    The buffer is not held between two slices: it may grow or be cut meanwhile.
+
+    Raises:
+        ValueError: elements that are no bytes, or in several dimensions: slices count bytes.
     """
-    size = len(buffer)
+    with _view(buffer) as view:
+        if view.ndim != 1 or view.itemsize != 1:
+            raise ValueError(f"a stream is 1-D, of single bytes, not {view.ndim}-D of {view.itemsize} bytes")
     start: int | None = None
     at = kernels.find_marker(buffer, 0)
-    while at < size:
-        if buffer[at + 1] != _END:
+    while at < len(buffer):
+        if not _is_end(buffer, at):
             start = at
         elif start is not None:
             yield slice(start, at + 2)
             start = None
         at = kernels.find_marker(buffer, at + 2)
+
+
+def _is_end(buffer: Buffer, marker: int) -> bool:
+    with _view(buffer) as view, view.cast("B") as octets:
+        return octets[marker + 1] == _END
+
+
+def _view(buffer: Any) -> memoryview:
+    """Typed loosely: a type checker knows arrays as buffers only from Python 3.12 on."""
+    return memoryview(buffer)
