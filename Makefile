@@ -1,5 +1,6 @@
 # Two commands: `make demo` records a demo drive, `make test` runs the tests.
 PYTHON ?= python3
+FUZZ_SECONDS ?= 600
 BIN := .venv/bin
 # an editable install knows the modules that were there: a new name installs again, an edit does not
 NAMES := $(shell mkdir -p build && find recorder -name '*.py' | sort > build/names.new && \
@@ -9,7 +10,7 @@ SOURCES := pyproject.toml CMakeLists.txt $(wildcard recorder/kernels/*.cpp recor
 ARAVIS := $(shell pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null && ls /usr/lib/*/girepository-1.0/Aravis-0.8.typelib >/dev/null 2>&1 && echo '[aravis]')
 PIP := $(BIN)/pip install -q --disable-pip-version-check
 
-.PHONY: demo test lint bench proto clean
+.PHONY: demo test lint fuzz bench proto clean
 demo: .venv/demo.stamp
 	$(BIN)/recorder demo
 
@@ -21,6 +22,10 @@ lint: .venv/test.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+fuzz:
+	@tools/debian_packages.sh fuzz $(PYTHON)
+	tools/fuzz.sh $(FUZZ_SECONDS)
 
 bench: .venv/test.stamp
 	$(BIN)/python tools/bench/figures.py

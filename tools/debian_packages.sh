@@ -1,6 +1,6 @@
 #!/bin/sh
 # Looks for what Debian must provide and installs it as root, or prints the one line that does.
-# usage: debian_packages.sh demo|test PYTHON
+# usage: debian_packages.sh demo|test|fuzz PYTHON
 set -eu
 purpose=$1
 python=$2
@@ -26,6 +26,10 @@ if [ "$purpose" = test ]; then
     command -v arv-tool-0.8 >/dev/null || need aravis-tools-cli
     command -v gpsfake >/dev/null || need gpsd gpsd-tools gpsd-clients
     command -v systemd-analyze >/dev/null || need systemd
+fi
+if [ "$purpose" = fuzz ]; then
+    command -v clang++ >/dev/null || need clang
+    ls "$(clang++ -print-resource-dir 2>/dev/null)"/lib/linux/libclang_rt.fuzzer-*.a >/dev/null 2>&1 || need libclang-rt-dev
 fi
 
 [ -n "$missing" ] || exit 0

@@ -16,9 +16,9 @@ void copy_masked(std::uint8_t *__restrict target, const std::uint8_t *__restrict
     for (std::size_t i = 0; i < size; ++i) target[i] = static_cast<std::uint8_t>(source[i] ^ mask);
 }
 
-// The bytes up to and with the next `byte`, or `size` if there is none.
+// The bytes up to and with the next `byte`, or `size` if there is none; `size` is not zero.
 std::size_t span_through(const std::uint8_t *source, std::size_t size, int byte, bool &found) {
-    const void *hit = size == 0 ? nullptr : std::memchr(source, byte, size);
+    const void *hit = std::memchr(source, byte, size);
     found = hit != nullptr;
     return found ? static_cast<std::size_t>(static_cast<const std::uint8_t *>(hit) - source) + 1 : size;
 }

@@ -1,0 +1,42 @@
+#!/bin/sh
+# Fuzzes the codec's kernels under the address and undefined-behaviour sanitizers: any bytes decoded and, at the same
+# time, any pictures encoded, both with the kernels for this processor and with the portable ones, which must agree.
+# Inputs that reached something new, and those that broke something, are kept in build/fuzz.
+# usage: fuzz.sh SECONDS [SEED]
+set -eu
+seconds=$1
+seed=${2:-0} # 0: another one each time
+root=$(cd "$(dirname "$0")/.." && pwd)
+kernels=$root/recorder/kernels
+CXX=${CXX:-clang++}
+mkdir -p "$root/build/fuzz"
+cd "$root/build/fuzz"
+
+rm -f ./*.o # then linking fails where compiling did
+flags="-std=c++17 -O2 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -Wall -Wextra -I$kernels"
+for source in "$root"/tools/fuzz_*.cpp $(find "$kernels" -name '*.cpp' ! -name bindings.cpp); do
+    case $source in
+        *_avx2.cpp) wide="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe" ;;
+        *) wide="" ;;
+    esac
+    # shellcheck disable=SC2086  # one flag a word
+    "$CXX" $flags $wide -c "$source" &
+done
+wait
+
+for target in decode encode; do
+    other=$([ $target = decode ] && echo encode || echo decode)
+    # shellcheck disable=SC2046  # one object a word
+    "$CXX" -fsanitize=fuzzer,address,undefined $(find . -name '*.o' ! -name "fuzz_$other.o") -o "$target"
+done
+
+run() { # run TARGET: an image of 20000 bytes has at most 160000 pixels; who takes more memory believed a header
+    mkdir -p "$1-corpus"
+    "./$1" "$1-corpus" -max_total_time="$seconds" -seed="$seed" -max_len=20000 -timeout=10 -malloc_limit_mb=8 \
+        -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="$1-" >"$1.log" 2>&1 || { echo "$1 failed:"; grep -v '^#' "$1.log"; exit 1; }
+    echo "$1: $(sed -n 's/stat::number_of_executed_units: *//p' "$1.log") inputs, nothing found"
+}
+run decode &
+decode=$!
+run encode
+wait $decode
