@@ -96,7 +96,10 @@ def train(image: NDArray[Any], *, bit_depth: int = 10, model: Model = "felics-ls
 
 
 def max_encoded_size(width: int, height: int, bit_depth: int = 10) -> int:
-    """The most bytes that any image of this shape takes: its packed size, 0.8 % and a header."""
+    """The most bytes that any image of this shape takes: its packed size, 0.8 % and a header.
+
+    Raises ValueError where there is no such image.
+    """
     _check_depth(bit_depth)
     return kernels.felics_largest_encoding(width, height, bit_depth)
 

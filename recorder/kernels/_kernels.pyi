@@ -22,7 +22,7 @@ def felics_train(image: _Image, depth: int, model: int) -> bytes:
     """The model's table for this image: what encoding without one would use. Raises ValueError."""
 
 def felics_largest_encoding(width: int, height: int, depth: int) -> int:
-    """How many bytes an image of this shape takes at most."""
+    """How many bytes an image of this shape takes at most. Raises ValueError."""
 
 def felics_usual_table(depth: int) -> bytes:
     """The fixed k of each of the 17 contexts."""
@@ -34,7 +34,7 @@ def felics_shape(data: _Buffer) -> tuple[int, int]:
     """(H, W) of an image whose frame, header and lengths agree. Raises FormatError."""
 
 def felics_decode_into(data: _Buffer, out: NDArray[np.uint16]) -> None:
-    """Decodes into a C-contiguous array of the image's shape. Raises FormatError or ValueError."""
+    """Decodes into a C-contiguous array. Raises FormatError, or ValueError for one of another shape."""
 
 def find_marker(data: _Buffer, start: int) -> int:
     """The position of the next FF E8 or FF E9 at or after ``start``, or the length of the data."""

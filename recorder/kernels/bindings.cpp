@@ -32,12 +32,16 @@ struct Job {
     const std::uint8_t *table_or_null;
 };
 
-template <typename T>
-void make_job(const Image<T> &image, int depth, int model, const nb::bytes &table, Job &job) {
-    const std::size_t height = image.shape(0), width = image.shape(1);
+void check_shape(std::size_t width, std::size_t height) {
     if (width < 1 || width > longest_side || height < 1 || height > longest_side ||
         std::uint64_t{width} * height > most_pixels)
         throw nb::value_error("an image is 1 to 65535 pixels wide and high and has at most 2^28 pixels");
+}
+
+template <typename T>
+void make_job(const Image<T> &image, int depth, int model, const nb::bytes &table, Job &job) {
+    const std::size_t height = image.shape(0), width = image.shape(1);
+    check_shape(width, height);
     if (depth < 1 || depth > 16) throw nb::value_error("a bit depth is 1 to 16");
     if (model < 0 || model > 2) throw nb::value_error("unknown model");
     if (model == 2 && depth > static_cast<int>(deepest_ls)) throw nb::value_error("felics-ls has a bit depth of 12 at most");
@@ -60,10 +64,9 @@ const std::uint16_t *widen(const std::uint8_t *pixels, std::size_t count, Scratc
 template <typename T>
 std::size_t run(const Job &job, const T *pixels, std::uint8_t *target) {
     thread_local Scratch<std::uint16_t> scratch;
+    const Trim trim(scratch);
     const std::uint16_t *wide = widen(pixels, std::size_t{job.width} * job.height, scratch);
-    const std::size_t written = encode(target, wide, job.width, job.height, job.depth, job.model, job.table_or_null);
-    scratch.trim();
-    return written;
+    return encode(target, wide, job.width, job.height, job.depth, job.model, job.table_or_null);
 }
 
 template <typename T>
@@ -82,6 +85,7 @@ std::size_t encode_into(const Image<T> &image, Output<std::uint8_t, 1> out, int 
 template <typename T>
 nb::bytes encode_to_bytes(const Image<T> &image, int depth, int model, const nb::bytes &table) {
     thread_local Scratch<std::uint8_t> scratch;
+    const Trim trim(scratch);
     Job job;
     make_job(image, depth, model, table, job);
     const T *pixels = image.data();
@@ -92,9 +96,7 @@ nb::bytes encode_to_bytes(const Image<T> &image, int depth, int model, const nb:
         target = scratch.reserve(largest_encoding(job.width, job.height, job.depth));
         written = run(job, pixels, target);
     }
-    nb::bytes result(target, written);
-    scratch.trim();
-    return result;
+    return nb::bytes(target, written);
 }
 
 template <typename T>
@@ -110,8 +112,8 @@ nb::bytes trained_table(const Image<T> &image, int depth, int model) {
     {
         nb::gil_scoped_release released;
         thread_local Scratch<std::uint16_t> scratch;
+        const Trim trim(scratch);
         train(header, widen(pixels, std::size_t{job.width} * job.height, scratch));
-        scratch.trim();
     }
     write_table(job.table.data(), header);
     return nb::bytes(job.table.data(), table_size(job.model));
@@ -119,6 +121,8 @@ nb::bytes trained_table(const Image<T> &image, int depth, int model) {
 
 void decode_into(nb::handle data, Output<std::uint16_t, 2> out) {
     const Buffer buffer(data);
+    const Header header = parse_image(buffer.data(), buffer.size()).header;
+    if (out.shape(0) != header.height || out.shape(1) != header.width) throw nb::value_error("the output has another shape");
     std::uint16_t *pixels = out.data();
     const std::uint64_t count = out.size();
     nb::gil_scoped_release released;
@@ -154,6 +158,11 @@ std::uint32_t checksum(nb::handle data) {
     const Buffer buffer(data);
     nb::gil_scoped_release released;
     return Function(buffer.data(), buffer.size());
+}
+
+std::size_t largest(std::uint32_t width, std::uint32_t height, std::uint32_t depth) {
+    check_shape(width, height);
+    return largest_encoding(width, height, depth);
 }
 
 nb::bytes usual_table_bytes(int depth) {
@@ -202,7 +211,7 @@ NB_MODULE(_kernels, m) {
           "depth"_a, "model"_a, "table"_a);
     m.def("felics_train", trained_table<std::uint16_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a);
     m.def("felics_train", trained_table<std::uint8_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a);
-    m.def("felics_largest_encoding", largest_encoding, "width"_a, "height"_a, "depth"_a);
+    m.def("felics_largest_encoding", largest, "width"_a, "height"_a, "depth"_a);
     m.def("felics_usual_table", usual_table_bytes, "depth"_a);
     m.def("felics_header", header_fields, "data"_a);
     m.def("felics_shape", image_shape, "data"_a);

@@ -1,6 +1,7 @@
 // The code word of one pixel (docs/felics.md, "Code word"): Howard and Vitter 1993, bits reordered.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -23,6 +24,10 @@ inline WideKTable widen(const KTable &table) {
 
 // Longest code word: the escape. No k exceeds the bit depth, so no Rice code is longer.
 inline std::uint32_t longest_code(std::uint32_t depth) { return escape_prefix + depth; }
+
+// The same if pixels may be above the depth, because another thread changes them after they were checked: the
+// image is void then, but no code word is longer than this, whichever model.
+inline std::uint32_t longest_code_of_any(std::uint32_t depth) { return std::max(longest_code(depth), contexts + 1u); }
 
 // All ones where `value` is negative, else zero.
 [[gnu::always_inline]] inline std::uint32_t negative_mask(std::uint32_t value) {

@@ -208,6 +208,7 @@ class Decoder {
             if (row.bit > cursor.end) throw FormatError{"a stream ends early", cursor.end / 8};
             if (row.wrong != 0) throw FormatError{"a code that means no pixel", before / 8};
         }
+        // Decoded alike, a row has its fault again: unless another thread writes to the pixels meanwhile.
         throw FormatError{"a row that cannot be read", cursor.bit / 8};
     }
 
@@ -230,6 +231,7 @@ class Decoder {
 
 void decode(std::uint16_t *pixels, std::uint64_t count, const std::uint8_t *data, std::size_t size) {
     thread_local Scratch<std::uint8_t> scratch;
+    const Trim trim(scratch);
     const ParsedHeader parsed = parse_image(data, size);
     const Header &header = parsed.header;
     if (count != std::uint64_t{header.width} * header.height) throw ArgumentError{"the output has another size"};
@@ -253,7 +255,6 @@ void decode(std::uint16_t *pixels, std::uint64_t count, const std::uint8_t *data
     }
     if (crc32c(pixels, static_cast<std::size_t>(count) * sizeof *pixels) != header.checksum)
         throw FormatError{"the pixels' checksum is wrong", size - marker_size};
-    scratch.trim();
 }
 
 }  // namespace recorder

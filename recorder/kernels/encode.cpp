@@ -215,6 +215,7 @@ std::size_t largest_encoding(std::uint32_t width, std::uint32_t height, std::uin
 std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint32_t width, std::uint32_t height,
                    std::uint32_t depth, Model model, const std::uint8_t *table) {
     thread_local Scratch<std::uint8_t> scratch;
+    const Trim trim(scratch);
     Header header;
     header.model = model;
     header.depth = static_cast<std::uint8_t>(depth);
@@ -225,14 +226,14 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         header.checksum = crc32c(pixels, std::size_t{width} * height * sizeof *pixels);
     } else if (table != nullptr) {
         read_table(header, table);
-        if (sound_table(header) < table_size(model)) throw ArgumentError{"k is 0 to 15 and at most the bit depth"};
+        if (sound_table(header) < table_size(model)) throw ArgumentError{"a table with a k or m above 15 or the bit depth"};
     } else {
         train(header, pixels);
     }
 
     Payload payload{};
     for (;;) {
-        payload.begins = lay_out(header, header.model == Model::raw ? depth : longest_code(depth));
+        payload.begins = lay_out(header, header.model == Model::raw ? depth : longest_code_of_any(depth));
         std::uint8_t *memory = scratch.reserve(payload.begins.back());
         payload.memory = memory;
         Writers writers;
@@ -249,9 +250,7 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         if (header.model == Model::raw || header.payload() + table_size(header.model) <= packed_size(header)) break;
         header.model = Model::raw;  // noise: the samples as they are need less
     }
-    const std::size_t written = frame(target, header, payload);
-    scratch.trim();
-    return written;
+    return frame(target, header, payload);
 }
 
 }  // namespace recorder

@@ -132,7 +132,7 @@ ParsedHeader parse_header(const std::uint8_t *data, std::size_t size) {
     if (std::uint64_t{header.width} * header.height > most_pixels) refuse("more than 2^28 pixels", 4);
     if (header.model == Model::felics_ls && header.depth > deepest_ls) refuse("felics-ls is for 12 bits at most", 2);
     if (const std::size_t index = sound_table(header); index < table_bytes)
-        refuse("a k above 15 or the bit depth", header_fixed_size + index);
+        refuse("a k or m above 15 or the bit depth", header_fixed_size + index);
     for (std::uint32_t s = 0; s < header.streams; ++s)
         if (header.lengths[s] < fewest_bytes(header, s) || header.lengths[s] > most_bytes(header, s))
             refuse("a stream length that cannot hold its pixels", header_fixed_size + table_bytes + 4 * s);

@@ -20,7 +20,11 @@ class Scratch {
         return memory_.get();
     }
 
-    // Gives back what no camera needs: one huge image must not be paid for ever after.
+  private:
+    template <typename>
+    friend class Trim;
+
+    // Gives back what no camera needs.
     void trim() {
         constexpr std::size_t kept_bytes = std::size_t{64} << 20;
         if (capacity_ * sizeof(T) > kept_bytes) {
@@ -29,9 +33,21 @@ class Scratch {
         }
     }
 
-  private:
     std::unique_ptr<T[]> memory_;
     std::size_t capacity_ = 0;
+};
+
+// At the end of its scope, however that is left, one huge image is no longer paid for.
+template <typename T>
+class Trim {
+  public:
+    explicit Trim(Scratch<T> &scratch) : scratch_(scratch) {}
+    ~Trim() { scratch_.trim(); }
+    Trim(const Trim &) = delete;
+    Trim &operator=(const Trim &) = delete;
+
+  private:
+    Scratch<T> &scratch_;
 };
 
 }  // namespace recorder

@@ -26,6 +26,7 @@ struct Histogram {
                                            const std::uint16_t *tops, std::uint32_t width) {
     constexpr std::uint32_t block = 256;
     std::uint32_t slots[block];
+    const auto last = static_cast<std::uint32_t>(Histogram::size(histogram.depth) - 1);
     for (std::uint32_t begin = 1; begin < width; begin += block) {
         const std::uint32_t count = std::min(block, width - begin);
         const std::uint16_t *pixels = row + begin, *lefts = pixels - 1, *uppers = tops + begin - 1;
@@ -34,7 +35,9 @@ struct Histogram {
             const Interval<floor_log2_by_float> in(lefts[i], uppers[i]);
             const std::uint32_t is_above = negative_mask(in.high - value), is_below = negative_mask(value - in.low);
             const std::uint32_t distance = select(is_above, value - in.high, in.low - value) - 1u;
-            slots[i] = (1u + (in.context << histogram.depth) + distance) & (is_above | is_below);
+            // Never outside, even if another thread changes the row after it was checked.
+            const std::uint32_t slot = std::min(1u + (in.context << histogram.depth) + distance, last);
+            slots[i] = slot & (is_above | is_below);
         }
         for (std::uint32_t i = 0; i < count; ++i) ++histogram.counts[slots[i]];
     }

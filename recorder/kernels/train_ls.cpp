@@ -126,10 +126,13 @@ LsTable train_ls_table(const std::uint16_t *pixels, std::uint32_t width, std::ui
     const std::size_t span = std::size_t{2} << depth;
     std::uint32_t *counts = scratch.reserve(ls_contexts * span);
     std::fill_n(counts, ls_contexts * span, 0u);
+    const std::int32_t top = (1 << depth) - 1;
     sample(pixels, width, height, [&](const Neighbours &n, std::int32_t x) {
         const std::uint32_t gradient = n.gradient_class(depth);
         const std::uint32_t context = intensity_classes * gradient + n.intensity_class(depth);
-        ++counts[context * span + static_cast<std::size_t>(x - predict(n, table, gradient, depth) + (1 << depth))];
+        // Never outside, even if another thread changes the row after it was checked.
+        const std::int32_t difference = std::min(x, top) - predict(n, table, gradient, depth);
+        ++counts[context * span + static_cast<std::size_t>(difference + (1 << depth))];
     });
     for (std::uint32_t context = 0; context < ls_contexts; ++context) {
         const std::uint32_t m = std::min(2u + context / 8u, depth);
