@@ -14,7 +14,7 @@
 
 namespace recorder {
 
-// Whether RECORDER_WIDE functions and those of the *_avx2.cpp files may be called. Without them (other
+// Whether RECORDER_WIDE functions and those of the set avx2 may be called. Without them (other
 // machines) it is false when compiled, and no call of theirs remains.
 // RECORDER_PORTABLE_KERNELS in the environment holds a process to the baseline, for tests.
 #if RECORDER_HAS_WIDE
