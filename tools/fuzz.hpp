@@ -1,5 +1,5 @@
 // What both fuzz targets need: buffers of exactly their size, so that the sanitizers see every byte read or
-// written outside, and each kernel in both its builds.
+// written outside, and each kernel with every set of instructions.
 #pragma once
 
 #include <algorithm>
@@ -32,14 +32,22 @@ std::unique_ptr<T[]> exact(const T *source, std::size_t count) {
     return copy;
 }
 
-// What `kernel` returns with the portable build, which the one for this processor must return as well.
+// The sets that this processor has, the scalar one first, and the one that the kernels use now.
+std::vector<InstructionSet> sets_of_this_processor();
+extern InstructionSet set_in_use;
+
+// What `kernel` returns with the scalar set, which it must return with every other one as well.
 template <typename Kernel>
-auto in_both_builds(const char *what, Kernel kernel) {
-    baseline_only = true;
-    const auto portable = kernel();
-    baseline_only = false;
-    require(kernel() == portable, what);
-    return portable;
+auto with_every_set(const char *what, Kernel kernel) {
+    static const std::vector<InstructionSet> sets = sets_of_this_processor();
+    set_in_use = sets.front();
+    const auto expected = kernel();
+    for (std::size_t i = 1; i < sets.size(); ++i) {
+        set_in_use = sets[i];
+        require(kernel() == expected, what);
+    }
+    set_in_use = sets.front();
+    return expected;
 }
 
 // An image decoded, or why not.
@@ -77,17 +85,17 @@ inline Outcome decode(const std::uint8_t *data, std::size_t size) {
     return result;
 }
 
-inline Outcome decode_in_both_builds(const Bytes &image) {
+inline Outcome decode_with_every_set(const Bytes &image) {
     const auto data = exact(image.data(), image.size());
-    return in_both_builds("both builds decode alike", [&] { return decode(data.get(), image.size()); });
+    return with_every_set("all sets decode alike", [&] { return decode(data.get(), image.size()); });
 }
 
 // An image, empty if an argument was refused.
-inline Bytes encode_in_both_builds(const std::vector<std::uint16_t> &pixels, std::uint32_t width,
+inline Bytes encode_with_every_set(const std::vector<std::uint16_t> &pixels, std::uint32_t width,
                                    std::uint32_t height, std::uint32_t depth, Model model,
                                    const std::uint8_t *table) {
     const auto source = exact(pixels.data(), pixels.size());
-    return in_both_builds("both builds encode alike", [&]() -> Bytes {
+    return with_every_set("all sets encode alike", [&]() -> Bytes {
         const std::size_t room = largest_encoding(width, height, depth);
         const std::unique_ptr<std::uint8_t[]> target(new std::uint8_t[room]);
         try {

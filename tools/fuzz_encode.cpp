@@ -61,14 +61,14 @@ void check_frame(const Bytes &image, const std::vector<std::uint16_t> &pixels, M
     const std::size_t end = image.size() - marker_size;
     for (std::size_t i = marker_size; i < end; ++i)
         require(image[i] != marker_prefix || image[i + 1] == 0, "inside, every FF is followed by 00");
-    require(in_both_builds("both builds find alike", [&] { return next_marker(image.data(), image.size(), 1); }) == end,
+    require(with_every_set("all sets find alike", [&] { return next_marker(image.data(), image.size(), 1); }) == end,
             "no marker stands inside");
 }
 
 void check_training(const std::vector<std::uint16_t> &pixels, std::uint32_t width, std::uint32_t height,
                     std::uint32_t depth, Model model) {
     const auto source = exact(pixels.data(), pixels.size());
-    const Bytes table = in_both_builds("both builds train alike", [&] {
+    const Bytes table = with_every_set("all sets train alike", [&] {
         Header header;
         header.model = model;
         header.width = width;
@@ -80,8 +80,8 @@ void check_training(const std::vector<std::uint16_t> &pixels, std::uint32_t widt
         write_table(bytes.data(), header);
         return bytes;
     });
-    require(encode_in_both_builds(pixels, width, height, depth, model, table.data()) ==
-                encode_in_both_builds(pixels, width, height, depth, model, nullptr),
+    require(encode_with_every_set(pixels, width, height, depth, model, table.data()) ==
+                encode_with_every_set(pixels, width, height, depth, model, nullptr),
             "encoding without a table is encoding with the trained one");
 }
 
@@ -119,19 +119,19 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size
     const std::uint8_t *given = trained ? nullptr : table.data();
     std::vector<std::uint16_t> pixels = picture(source, width, height, depth);
 
-    const Bytes image = encode_in_both_builds(pixels, width, height, depth, model, given);
+    const Bytes image = encode_with_every_set(pixels, width, height, depth, model, given);
     if (image.empty()) {
         require(!trained && !sound, "only an unsound table is refused");
         return 0;
     }
     check_frame(image, pixels, model, given);
-    const Outcome decoded = decode_in_both_builds(image);
+    const Outcome decoded = decode_with_every_set(image);
     require(decoded.error == nullptr && decoded.pixels == pixels, "what is encoded decodes to itself");
     if (trained) check_training(pixels, width, height, depth, model);
 
     if (depth == 16) return 0;
     pixels[source.below(static_cast<std::uint32_t>(pixels.size()))] = static_cast<std::uint16_t>(1u << depth);
-    require(encode_in_both_builds(pixels, width, height, depth, model, given).empty(),
+    require(encode_with_every_set(pixels, width, height, depth, model, given).empty(),
             "a value above the depth is refused");
     return 0;
 }
