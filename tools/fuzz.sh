@@ -38,10 +38,16 @@ done
 run() { # run TARGET: an image of 20000 bytes has at most 160000 pixels; who takes more memory believed a header
     mkdir -p "$1-corpus"
     "./$1" "$1-corpus" -max_total_time="$seconds" -seed="$seed" -max_len=20000 -timeout=10 -malloc_limit_mb=8 \
-        -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="$1-" >"$1.log" 2>&1 || { echo "$1 failed:"; grep -v '^#' "$1.log"; exit 1; }
+        -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="$1-" >"$1.log" 2>&1 || {
+        grep -v '^#' "$1.log" >&2
+        echo "fuzzing $1 failed: $root/build/fuzz/$1 FILE runs the input named above again" >&2
+        return 1
+    }
     echo "$1: $(sed -n 's/stat::number_of_executed_units: *//p' "$1.log") inputs, nothing found"
 }
 run decode &
 decode=$!
-run encode
-wait $decode
+failed=0
+run encode || failed=1
+wait $decode || failed=1
+exit $failed

@@ -123,9 +123,10 @@ struct Parts {
     void limit_table() {
         const std::uint32_t most = std::min(depth, 15u);
         const bool two = model == static_cast<std::uint32_t>(Model::felics_ls);
-        for (std::size_t i = 0; i < table.size() && (!two || i < ls_contexts); ++i)
-            table[i] = static_cast<std::uint8_t>(two ? std::min(table[i] & 15u, most) | std::min(std::uint32_t{table[i]} >> 4, most) << 4
-                                                     : std::min<std::uint32_t>(table[i], most));
+        for (std::size_t i = 0; i < table.size() && (!two || i < ls_contexts); ++i) {
+            const std::uint32_t entry = table[i], m = std::min(entry & 15u, most), k = std::min(entry >> 4, most);
+            table[i] = static_cast<std::uint8_t>(two ? m | k << 4 : std::min(entry, most));
+        }
     }
 };
 
@@ -141,13 +142,13 @@ Parts any_image(Random &random) {
     for (std::uint8_t &byte : parts.table) byte = static_cast<std::uint8_t>(random());
     parts.limit_table();
     parts.streams.resize(one_of(random, {written_streams, written_streams, written_streams, 1, 2, 5, most_streams}));
-    const std::uint32_t ones = below(random, 4);  // few, many, more, and almost nothing else
+    const std::uint32_t ones = one_of(random, {0, 1, 2, 3, 255});  // half, many, more, and nothing else
     for (std::size_t s = 0; s < parts.streams.size(); ++s) {
         const std::size_t least = parts.pixels_of(s), bits = parts.model == 0 ? least * parts.depth : least;
         parts.streams[s].resize((bits + 7) / 8);
         for (std::uint8_t &byte : parts.streams[s]) {
             byte = static_cast<std::uint8_t>(random());
-            for (std::uint32_t i = 0; i < ones; ++i) byte = static_cast<std::uint8_t>(byte | random());
+            for (std::uint32_t i = 0; i < ones && byte < 255; ++i) byte = static_cast<std::uint8_t>(byte | random());
         }
     }
     return parts;
@@ -174,10 +175,14 @@ void change_header(Random &random, Parts &parts) {
 void change_payload(Random &random, Parts &parts) {
     if (parts.streams.empty()) return;
     Bytes &stream = parts.streams[below(random, parts.streams.size())];
-    switch (below(random, 4)) {
+    switch (below(random, 5)) {
         case 0: stream.push_back(static_cast<std::uint8_t>(one_of(random, {0, 255, word(random)}))); break;
         case 1: stream.resize(below(random, stream.size() + 1)); break;
         case 2: stream = parts.streams[below(random, parts.streams.size())]; break;
+        case 3:  // more zeros than any code word has, and room for what they displace
+            for (std::size_t i = below(random, stream.size() + 1), end = i + 2; i < std::min(end, stream.size()); ++i) stream[i] = 0;
+            stream.insert(stream.end(), 1 + below(random, 8 + 4 * stream.size()), 255);
+            break;
         default: mutate(stream, stream.size() + 8);
     }
 }
@@ -191,23 +196,29 @@ void mend(Random &random, Parts &parts) {
             parts.checksum = crc32c(result.pixels.data(), 2 * result.pixels.size());
             continue;
         }
-        const bool early = result.failed_by("a stream ends early"), left = result.failed_by("bytes are left over in a stream");
-        const bool padded = result.failed_by("a stream is padded with ones"), none = result.failed_by("a code that means no pixel");
+        const bool early = result.failed_by("a stream ends early");
+        const bool left = result.failed_by("bytes are left over in a stream");
+        const bool padded = result.failed_by("a stream is padded with ones");
+        const bool none = result.failed_by("a code that means no pixel");
         if (!early && !left && !padded && !none) break;
 
         // The byte of the payload, and the stream that it is in or, for one that ends early, that it is behind.
         std::size_t at = parse_header(image.data(), image.size()).end, byte = 0, s = 0;
         for (; at < result.offset; ++at, ++byte)
             if (image[at] == marker_prefix) ++at;
-        while (s + 1 < parts.streams.size() && (byte > parts.streams[s].size() - (early ? 0 : 1) || parts.streams[s].empty()))
-            byte -= parts.streams[s++].size();
+        for (; s + 1 < parts.streams.size(); ++s) {
+            const std::size_t length = parts.streams[s].size();
+            if (length > 0 && byte < length + (early ? 1 : 0)) break;
+            byte -= length;
+        }
         Bytes &stream = parts.streams[s];
+        if (stream.empty()) break;
         byte = std::min(byte, stream.size() - 1);
-        if (early) stream.insert(stream.end(), 1 + stream.size() / 8, static_cast<std::uint8_t>(random() | random() | random()));
+        const auto mostly_ones = static_cast<std::uint8_t>(random() | random() | random());
+        if (early) stream.insert(stream.end(), 1 + stream.size() / 8, mostly_ones);
         if (left) stream.resize(byte);
         if (padded) stream.back() = static_cast<std::uint8_t>(stream.back() & (stream.back() - 1u));
         if (none) stream[byte] = static_cast<std::uint8_t>(stream[byte] | (128u >> below(random, 8)));
-        if (stream.empty()) break;
     }
 }
 
@@ -259,7 +270,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size
 
     // What is a picture can be coded anew.
     const Header header = parse_image(data, size).header;
-    const Bytes again = encode_with_every_set(result.pixels, header.width, header.height, header.depth, header.model, nullptr);
+    const Bytes again =
+        encode_with_every_set(result.pixels, header.width, header.height, header.depth, header.model, nullptr);
     require(decode_with_every_set(again) == result, "coded anew, it is the same picture");
     return 0;
 }

@@ -35,8 +35,8 @@ std::vector<std::uint16_t> picture(Source &source, std::uint32_t width, std::uin
         const std::uint32_t base = content == Content::along_rows      ? left
                                    : content == Content::along_columns ? above
                                                                        : (left + above) / 2u;
-        const std::uint32_t level = base + source.below(spread) - std::min(base, spread / 2u);
-        pixels[i] = static_cast<std::uint16_t>(content == Content::levels ? source.below(top + 1u) : std::min(level, top));
+        const std::uint32_t near = std::min(base + source.below(spread) - std::min(base, spread / 2u), top);
+        pixels[i] = static_cast<std::uint16_t>(content == Content::levels ? source.below(top + 1u) : near);
     }
     return pixels;
 }
@@ -45,7 +45,7 @@ void check_frame(const Bytes &image, const std::vector<std::uint16_t> &pixels, M
     const ParsedHeader parsed = parse_image(image.data(), image.size());
     const Header &header = parsed.header;
     require(header.model == model || header.model == Model::raw, "the model is the wanted one, or raw");
-    require(header.checksum == crc32c_portable(pixels.data(), 2 * pixels.size()), "the header has the pixels' checksum");
+    require(header.checksum == crc32c_portable(pixels.data(), 2 * pixels.size()), "the pixels' checksum is theirs");
     if (header.model == model && table != nullptr) {
         Bytes written(table_size(model));
         write_table(written.data(), header);

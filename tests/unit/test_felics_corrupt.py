@@ -271,6 +271,17 @@ def test_faults_of_one_stream_are_named_for_wide_pictures(model: int, stream: in
         assert reason in str(refused(whole.join()))
 
 
+@pytest.mark.parametrize("model", [oracle.FELICS, oracle.FELICS_LS])
+@pytest.mark.parametrize("word", ["0" * 10 + "1", "011" + "10"])
+def test_one_code_that_means_no_pixel_is_refused_in_wide_pictures(model: int, word: str) -> None:
+    """Ten zeros, or a two of one bit: all that follows can be read, and ends where it should."""
+    table = bytes(17) if model == oracle.FELICS else bytes(64 + 160)
+    image = oracle.take_apart(np.ones((34, 104), np.uint16), 1, model=model, table=table)
+    assert (codec.decode(image.join()) == 1).all()
+    image.streams[5] = oracle.pack(word + "1" * 103)
+    assert "means no pixel" in str(refused(image.join()))
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_random_payloads_behind_a_sound_header(seed: int) -> None:
     rng = np.random.default_rng(seed)
