@@ -1,4 +1,4 @@
-// Stuffing and unstuffing 32 bytes at a time; the last bytes, fewer than 32, are left to the caller.
+// Stuffing, unstuffing and looking for markers, vectors at a time; the last bytes are left to the caller.
 #pragma once
 
 #include <cstddef>
@@ -18,5 +18,8 @@ bool stuff(Span &span, std::uint8_t mask, std::size_t &extra);
 
 // Unstuffs; stops early at an FF that no 00 follows.
 void unstuff(Span &span, std::uint8_t mask);
+
+// The position of the next FF E8 or FF E9 at or after `from`, or one before which there is none.
+std::size_t next_marker(const std::uint8_t *data, std::size_t size, std::size_t from);
 
 }  // namespace recorder::avx2
