@@ -8,6 +8,7 @@ from recorder.codec.felics import (
     encode,
     encode_into,
     max_encoded_size,
+    model_at,
     read_header,
     train,
 )
@@ -22,6 +23,7 @@ __all__ = [
     "encode",
     "encode_into",
     "max_encoded_size",
+    "model_at",
     "read_header",
     "train",
     "walk",
