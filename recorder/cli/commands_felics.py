@@ -153,7 +153,7 @@ def info(stream: Stream, json: Json = False) -> int:
         kinds[header.width, header.height, header.bit_depth, header.model].append(count)
     rows = [(f"{kind[0]} x {kind[1]}", *kind[2:], *_sizes(kind, counts)) for kind, counts in kinds.items()]
     columns = ("width x height", "bits", "model", "images", "size", "mean", "of packed")
-    print_table(f"{name(stream)}: {_count(len(images))}, {size(total)}", columns, rows[:_ROWS])
+    print_table(f"{_title(stream)}: {_count(len(images))}, {size(total)}", columns, rows[:_ROWS])
     if len(rows) > _ROWS:
         print(f"and {len(rows) - _ROWS} kinds more: --json tells of every image")
     if other:
@@ -281,9 +281,14 @@ def _print_losses(stream: Path, losses: "list[Gap]") -> None:
     if not losses:
         return
     rows = [(gap.error or "no image to be seen", gap.offset, size(gap.size)) for gap in losses[:_ROWS]]
-    print_table(f"{name(stream)}: lost", ("what", "from byte", "size"), rows)
+    print_table(f"{_title(stream)}: lost", ("what", "from byte", "size"), rows)
     if len(losses) > _ROWS:
         print(f"and {len(losses) - _ROWS} places more: --json tells of all")
+
+
+def _title(stream: Path) -> str:
+    """A table's title is no wider than the table."""
+    return name(stream) if stream == PIPE else stream.name
 
 
 def _count(number: int, what: str = "image") -> str:
