@@ -1,9 +1,9 @@
-#include "stuffing_avx2.hpp"
+#include "vector_set.hpp"
 
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 #include "stuffing.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::size_t block = sizeof(Lanes);
 
@@ -62,9 +62,9 @@ std::size_t next_marker(const std::uint8_t *data, std::size_t size, std::size_t 
         for (std::size_t i = 0; i < blocks; ++i) found[i] = markers(at + i * block);
         if (!any(both(both(found[0], found[1]), both(found[2], found[3])))) continue;
         for (std::size_t i = 0; i < blocks; ++i)
-            if (const std::uint32_t bits = high_bits8(found[i])) return from + i * block + lowest_bit(bits);
+            if (const auto bits = high_bits8(found[i])) return from + i * block + lowest_bit(bits);
     }
     return from;
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR
