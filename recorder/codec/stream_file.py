@@ -1,7 +1,7 @@
 """A file that holds images, read by position.
 
 Nothing is mapped: where a file shrinks while it is read, or the disk fails, a mapping ends the process
-(SIGBUS) and a read says so. Scanning in pieces that stay in the processor's cache costs a tenth more.
+(SIGBUS) and a read says so. Read in pieces that stay in the processor's cache, a scan is as fast.
 """
 
 import errno
