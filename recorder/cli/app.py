@@ -7,7 +7,7 @@ from typing import cast
 
 import typer
 
-from recorder.cli import commands_drive, commands_record, commands_service
+from recorder.cli import commands_drive, commands_felics, commands_record, commands_service
 from recorder.errors import RecorderError
 
 _USAGE_ERROR = cast(type[Exception], typer.BadParameter.__mro__[2])
@@ -23,6 +23,7 @@ app = typer.Typer(
 commands_record.register(app)
 commands_service.register(app)
 commands_drive.register(app)
+commands_felics.register(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

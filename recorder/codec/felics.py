@@ -15,6 +15,8 @@ KChoice = int | Literal["context", "trained"]
 
 _MODELS: Final[tuple[Model, ...]] = get_args(Model)
 _CONTEXTS: Final = 17
+_DEEPEST_LS: Final = 12
+"""Bits that felics-ls can code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,7 @@ def encode(
     image: NDArray[Any],
     *,
     bit_depth: int = 10,
-    model: Model = "felics",
+    model: Model = "felics-ls",
     k: KChoice = "trained",
     tables: bytes | None = None,
 ) -> bytes:
@@ -51,18 +53,21 @@ def encode(
     Args:
         image: (H, W) pixels, uint8 or uint16, right-aligned.
         bit_depth: bits per pixel, 1 to 16.
-        model: "felics", "felics-ls" (a tenth smaller, up to 12 bits), both of which fall back to "raw" by
-            themselves where that is smaller, or "raw".
+        model: "felics-ls" (the smallest), "felics" (the fastest), both of which fall back to "raw" by
+            themselves where that is smaller, or "raw". Above 12 bits felics-ls does not exist: such an
+            image gets felics (`model_at`).
         k: the Golomb-Rice parameter of the model felics: an int for all contexts, "context" for a fixed one
-            per context, "trained" for the best per context on every 32nd row of this image.
+            per context, "trained" for the best per context on every 32nd row of this image. The other
+            models do not look at it.
         tables: what ``train`` returned for this or a similar image and the same model and depth, instead of
             training. An image carries its tables, so each can be decoded alone.
 
     Raises:
         ValueError: another shape or type, a pixel above the bit depth, or an argument out of range.
     """
-    number = _model_id(model)
-    return kernels.felics_encode(_checked(image), bit_depth, number, _table(model, k, tables, bit_depth))
+    model = model_at(bit_depth, model)
+    table = _table(model, k, tables, bit_depth)
+    return kernels.felics_encode(_checked(image), bit_depth, _MODELS.index(model), table)
 
 
 def encode_into(
@@ -70,7 +75,7 @@ def encode_into(
     out: NDArray[np.uint8],
     *,
     bit_depth: int = 10,
-    model: Model = "felics",
+    model: Model = "felics-ls",
     k: KChoice = "trained",
     tables: bytes | None = None,
 ) -> int:
@@ -80,10 +85,9 @@ def encode_into(
     """
     if out.dtype != np.uint8 or out.ndim != 1 or not out.flags.c_contiguous or not out.flags.writeable:
         raise ValueError("the output must be a writable contiguous 1-D array of uint8")
-    number = _model_id(model)
-    return kernels.felics_encode_into(
-        _checked(image), out, bit_depth, number, _table(model, k, tables, bit_depth)
-    )
+    model = model_at(bit_depth, model)
+    table = _table(model, k, tables, bit_depth)
+    return kernels.felics_encode_into(_checked(image), out, bit_depth, _MODELS.index(model), table)
 
 
 def train(image: NDArray[Any], *, bit_depth: int = 10, model: Model = "felics-ls") -> bytes:
@@ -91,8 +95,19 @@ def train(image: NDArray[Any], *, bit_depth: int = 10, model: Model = "felics-ls
 
     About once a second is enough for a camera. Raises ValueError as ``encode`` does.
     """
+    model = model_at(bit_depth, model)
+    return kernels.felics_train(_checked(image), bit_depth, _MODELS.index(model))
+
+
+def model_at(bit_depth: int, model: Model) -> Model:
+    """The model that an image of this depth gets for ``model``: felics for felics-ls above 12 bits.
+
+    Raises ValueError for an unknown model or a depth out of range.
+    """
     _check_depth(bit_depth)
-    return kernels.felics_train(_checked(image), bit_depth, _model_id(model))
+    if model not in _MODELS:
+        raise ValueError(f"unknown model {model!r}; known are {', '.join(_MODELS)}")
+    return "felics" if model == "felics-ls" and bit_depth > _DEEPEST_LS else model
 
 
 def max_encoded_size(width: int, height: int, bit_depth: int = 10) -> int:
@@ -150,15 +165,8 @@ def _check_depth(bit_depth: int) -> None:
         raise ValueError(f"a bit depth is 1 to 16, not {bit_depth}")
 
 
-def _model_id(model: str) -> int:
-    if model not in _MODELS:
-        raise ValueError(f"unknown model {model!r}; known are {', '.join(_MODELS)}")
-    return _MODELS.index(model)
-
-
 def _table(model: Model, k: KChoice, tables: bytes | None, bit_depth: int) -> bytes:
     """The model's table; empty where the kernel is to train it."""
-    _check_depth(bit_depth)
     if tables is not None:
         return tables
     if k == "trained":

@@ -1,8 +1,8 @@
 """The marker-framed stream: images one after another, found by their markers alone (report 3.2.7.1)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from mmap import mmap
-from typing import Any
+from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
@@ -11,7 +11,26 @@ from recorder import kernels
 Buffer = bytes | bytearray | memoryview | mmap | NDArray[Any]
 """Any contiguous bytes."""
 
+MARKER_SIZE = 2
 _END = 0xE9
+
+
+class Marker(NamedTuple):
+    """An ``FF E8`` or an ``FF E9``, or two bytes that look like one."""
+
+    offset: int
+    is_end: bool
+
+
+class Stretch(NamedTuple):
+    """What lies between two places where a stream is cut: before each ``FF E8`` and behind each ``FF E9``."""
+
+    start: int
+    end: int
+    opened: bool
+    """It begins with ``FF E8``."""
+    closed: bool
+    """It ends with ``FF E9``."""
 
 
 def walk(buffer: Buffer) -> Iterator[slice]:
@@ -27,15 +46,29 @@ def walk(buffer: Buffer) -> Iterator[slice]:
     with _view(buffer) as view:
         if view.ndim != 1 or view.itemsize != 1:
             raise ValueError(f"a stream is 1-D, of single bytes, not {view.ndim}-D of {view.itemsize} bytes")
-    start: int | None = None
+    for stretch in stretches(markers(buffer), len(buffer)):
+        if stretch.opened and stretch.closed:
+            yield slice(stretch.start, stretch.end)
+
+
+def markers(buffer: Buffer) -> Iterator[Marker]:
+    """Every marker, in order."""
     at = kernels.find_marker(buffer, 0)
     while at < len(buffer):
-        if not _is_end(buffer, at):
-            start = at
-        elif start is not None:
-            yield slice(start, at + 2)
-            start = None
-        at = kernels.find_marker(buffer, at + 2)
+        yield Marker(at, _is_end(buffer, at))
+        at = kernels.find_marker(buffer, at + MARKER_SIZE)
+
+
+def stretches(markers: Iterable[Marker], size: int) -> Iterator[Stretch]:
+    """Cut ``size`` bytes at their markers. Every byte is in one stretch; none is empty."""
+    start, opened = 0, False
+    for offset, is_end in markers:
+        end = offset + MARKER_SIZE if is_end else offset
+        if end > start:
+            yield Stretch(start, end, opened, is_end)
+        start, opened = end, not is_end
+    if size > start:
+        yield Stretch(start, size, opened, False)
 
 
 def _is_end(buffer: Buffer, marker: int) -> bool:

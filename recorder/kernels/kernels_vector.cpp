@@ -4,6 +4,6 @@
 namespace recorder::RECORDER_VECTOR {
 
 const VectorKernels kernels = {step_pixels, encode_row,  encode_ls_row,  pack_row, bits_in_use, decodes,
-                               decodes_ls,  decode_rows, decode_ls_rows, stuff,    unstuff};
+                               decodes_ls,  decode_rows, decode_ls_rows, stuff,    unstuff, next_marker};
 
 }  // namespace recorder::RECORDER_VECTOR

@@ -92,6 +92,8 @@ std::size_t stuffed_position(const std::uint8_t *source, std::size_t size, std::
 }
 
 std::size_t next_marker(const std::uint8_t *data, std::size_t size, std::size_t from) {
+    if (const VectorKernels *vectors = vector_kernels(); vectors != nullptr)
+        from = vectors->next_marker(data, size, from);
     while (from < size) {
         bool found;
         from += span_through(data + from, size - from, marker_prefix, found);

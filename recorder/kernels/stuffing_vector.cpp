@@ -1,6 +1,7 @@
 #include "vector_set.hpp"
 
 #include "lanes.hpp"
+#include "stuffing.hpp"
 
 namespace recorder::RECORDER_VECTOR {
 
@@ -45,6 +46,25 @@ void unstuff(Span &span, std::uint8_t mask) {
         at.size -= count + dropped;
     }
     span = at;
+}
+
+std::size_t next_marker(const std::uint8_t *data, std::size_t size, std::size_t from) {
+    constexpr std::size_t blocks = 4;
+    const Lanes prefixes = all8(marker_prefix), starts = all8(start_of_image), but_lowest = all8(0xFE);
+    static_assert(end_of_image == (start_of_image | 1), "one comparison finds both");
+    const auto markers = [&](const std::uint8_t *at) {
+        return common(equal8(load(at), prefixes), equal8(common(load(at + 1), but_lowest), starts));
+    };
+    if (size <= blocks * block) return from;
+    for (const std::size_t last = size - blocks * block; from < last; from += blocks * block) {
+        const std::uint8_t *at = data + from;
+        Lanes found[blocks];
+        for (std::size_t i = 0; i < blocks; ++i) found[i] = markers(at + i * block);
+        if (!any(both(both(found[0], found[1]), both(found[2], found[3])))) continue;
+        for (std::size_t i = 0; i < blocks; ++i)
+            if (const auto bits = high_bits8(found[i])) return from + i * block + lowest_bit(bits);
+    }
+    return from;
 }
 
 }  // namespace recorder::RECORDER_VECTOR

@@ -58,6 +58,9 @@ using Stuff = bool(Span &span, std::uint8_t mask, std::size_t &extra);
 // Unstuffs; stops early at an FF that no 00 follows.
 using Unstuff = void(Span &span, std::uint8_t mask);
 
+// The position of the next FF E8 or FF E9 at or after `from`, or one before which there is none.
+using NextMarker = std::size_t(const std::uint8_t *data, std::size_t size, std::size_t from);
+
 struct VectorKernels {
     std::uint32_t narrowest_encoded;  // a narrower image is no work for EncodeRow and EncodeLsRow
     EncodeRow *encode_row;
@@ -68,6 +71,7 @@ struct VectorKernels {
     DecodeRows *decode_rows, *decode_ls_rows;
     Stuff *stuff;
     Unstuff *unstuff;
+    NextMarker *next_marker;
 };
 
 // The widest set that the process may use (cpu.hpp), or null: then there is only the portable code.

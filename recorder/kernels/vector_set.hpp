@@ -14,6 +14,7 @@ Decodes decodes, decodes_ls;
 DecodeRows decode_rows, decode_ls_rows;
 Stuff stuff;
 Unstuff unstuff;
+NextMarker next_marker;
 
 extern const VectorKernels kernels;
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 
 from recorder.clock import Clock
-from recorder.codec import Model, encode, train
+from recorder.codec import Model, encode, model_at, train
 from recorder.config import Settings
 from recorder.errors import RecorderError, StorageError
 from recorder.realtime.preview import preview
@@ -19,9 +19,6 @@ from recorder.storage import DriveWriter
 from recorder.timebase import Timebase
 
 _log = logging.getLogger("recorder.pipeline")
-
-_LS_BITS = 12
-"""The deepest frames that the model felics-ls takes."""
 
 _TRAIN_NS = 1_000_000_000
 
@@ -175,7 +172,7 @@ class Pipeline:
     def _encode(self, frame: Frame) -> Record:
         """In a worker: compress, or say that it could not be done."""
         codec = self._settings.codec
-        model = codec.model if frame.bit_depth <= _LS_BITS else "felics"
+        model = model_at(frame.bit_depth, codec.model)
         try:
             tables = self._tables(frame, model)
             data = encode(frame.pixels, bit_depth=frame.bit_depth, model=model, k=codec.k, tables=tables)

@@ -36,7 +36,7 @@ def drive(folder: Path, tmp_path: Path) -> Path:
 def test_help_names_every_command() -> None:
     ran = recorder("--help")
     assert ran.code == 0
-    for command in ("demo", "run", "record", "inspect", "verify", "export", "status", "config"):
+    for command in ("demo", "run", "record", "inspect", "verify", "export", "status", "config", "felics"):
         assert command in ran.out
 
 

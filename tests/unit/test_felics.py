@@ -72,7 +72,7 @@ pictures = st.builds(
 @given(picture=pictures)
 def test_writes_the_oracles_bytes(picture: tuple[NDArray[np.uint16], int]) -> None:
     image, bits = picture
-    data = codec.encode(image, bit_depth=bits)
+    data = codec.encode(image, bit_depth=bits, model="felics")
     assert data == oracle.encode(image, bits)
     assert np.array_equal(codec.decode(data), image)
 
@@ -84,10 +84,10 @@ def test_writes_the_oracles_bytes_with_tables_given(
 ) -> None:
     image, bits = picture
     k = min(fixed, bits)
-    assert codec.encode(image, bit_depth=bits, k=k) == oracle.encode(image, bits, table=bytes([k] * 17))
-    assert codec.encode(image, bit_depth=bits, k="context") == oracle.encode(
-        image, bits, table=oracle.fixed_table(bits)
-    )
+    data = codec.encode(image, bit_depth=bits, model="felics", k=k)
+    assert data == oracle.encode(image, bits, table=bytes([k] * 17))
+    data = codec.encode(image, bit_depth=bits, model="felics", k="context")
+    assert data == oracle.encode(image, bits, table=oracle.fixed_table(bits))
 
 
 ls_pictures = st.builds(
@@ -142,9 +142,18 @@ def test_vector_kernels_follow_the_oracle(bits: int, model: codec.Model, width: 
         assert np.array_equal(codec.decode(codec.encode(image, bit_depth=bits, model=model)), image)
 
 
-def test_least_squares_are_for_twelve_bits() -> None:
-    with pytest.raises(ValueError, match="12"):
-        codec.encode(np.zeros((4, 4), np.uint16), bit_depth=13, model="felics-ls")
+@pytest.mark.parametrize("bits", [8, 12, 13, 16])
+def test_least_squares_are_the_default_and_felics_above_twelve_bits(bits: int) -> None:
+    image = content("photograph", 64, 64, bits, seed=1)
+    fitting: codec.Model = "felics-ls" if bits <= 12 else "felics"
+    assert codec.model_at(bits, "felics-ls") == fitting
+    data = codec.encode(image, bit_depth=bits)
+    assert codec.read_header(data).model == fitting
+    assert data == codec.encode(image, bit_depth=bits, model="felics-ls")
+    assert data == codec.encode(image, bit_depth=bits, model=fitting)
+    assert data == codec.encode(image, bit_depth=bits, tables=codec.train(image, bit_depth=bits))
+    out = np.zeros(codec.max_encoded_size(64, 64, bits), np.uint8)
+    assert data == out[: codec.encode_into(image, out, bit_depth=bits)].tobytes()
 
 
 @settings(max_examples=30, deadline=None)
@@ -195,9 +204,10 @@ def test_the_whole_image_of_the_page_is_one() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
-def test_round_trips_the_cameras_shape(kind: str, bits: int) -> None:
+@pytest.mark.parametrize("model", ["felics", "felics-ls"])
+def test_round_trips_the_cameras_shape(kind: str, bits: int, model: codec.Model) -> None:
     image = content(kind, *CAMERA, bits, seed=bits)
-    data = codec.encode(image, bit_depth=bits)
+    data = codec.encode(image, bit_depth=bits, model=model)
     assert np.array_equal(codec.decode(data), image)
     packed = image.size * bits // 8
     assert len(data) <= packed * 1.01
@@ -205,9 +215,10 @@ def test_round_trips_the_cameras_shape(kind: str, bits: int) -> None:
 
 
 @pytest.mark.parametrize("shape", [(33, 65535), (65535, 33), (1, 65535), (65535, 1)])
-def test_round_trips_the_longest_sides(shape: tuple[int, int]) -> None:
+@pytest.mark.parametrize("model", ["felics", "felics-ls"])
+def test_round_trips_the_longest_sides(shape: tuple[int, int], model: codec.Model) -> None:
     image = content("gradient", *shape, 10, seed=1)
-    assert np.array_equal(codec.decode(codec.encode(image)), image)
+    assert np.array_equal(codec.decode(codec.encode(image, model=model)), image)
 
 
 def test_noise_falls_back_to_raw() -> None:
@@ -296,7 +307,7 @@ def test_refuses_an_unfit_output() -> None:
 
 def test_the_header_says_what_was_encoded() -> None:
     image = content("photograph", 40, 50, 12, seed=6)
-    header = codec.read_header(codec.encode(image, bit_depth=12, k=5))
+    header = codec.read_header(codec.encode(image, bit_depth=12, model="felics", k=5))
     assert (header.version, header.model, header.bit_depth) == (1, "felics", 12)
     assert (header.width, header.height) == (50, 40)
     assert header.k == (5,) * 17
@@ -339,6 +350,17 @@ def test_walk_refuses_nothing_and_the_header_tells() -> None:
     assert list(codec.walk(b"")) == []
     assert list(codec.walk(b"\xff")) == []
     assert list(codec.walk(b"\xff\xff\xe8\xff\xff\xe9")) == [slice(1, 6)]
+
+
+@settings(max_examples=300)
+@given(
+    data=st.lists(st.sampled_from([b"\xff", b"\xe8", b"\xe9", b"\x00", bytes(31), bytes(97)]), max_size=40),
+    start=st.integers(0, 500),
+)
+def test_markers_are_found_wherever_they_stand(data: list[bytes], start: int) -> None:
+    joined = b"".join(data)
+    places = [joined.find(marker, start) for marker in (b"\xff\xe8", b"\xff\xe9")]
+    assert kernels.find_marker(joined, start) == min((at for at in places if at >= 0), default=len(joined))
 
 
 def golden_picture() -> NDArray[np.uint16]:
