@@ -22,7 +22,7 @@ lint: .venv/test.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/test.stamp
+bench: .venv/bench.stamp
 	$(BIN)/python tools/bench/figures.py
 
 .venv/bin/python:
@@ -42,6 +42,11 @@ bench: .venv/test.stamp
 	@echo "building and installing into .venv, a minute or two"
 	@$(PIP) -e '.[test,aravis]'
 	@touch $@ .venv/demo.stamp
+
+.venv/bench.stamp: .venv/test.stamp
+	@echo "installing the peers of the benches into .venv"
+	@$(PIP) -e '.[test,aravis,bench]'
+	@touch $@ .venv/test.stamp .venv/demo.stamp
 
 clean:
 	rm -rf .venv build .mypy_cache .ruff_cache .pytest_cache
