@@ -43,8 +43,10 @@ bench: .venv/bench.stamp
 	@$(PIP) -e '.[test,aravis]'
 	@touch $@ .venv/demo.stamp
 
-.venv/bench.stamp: .venv/test.stamp
-	@echo "installing the peers of the benches into .venv"
+.venv/bench.stamp: $(SOURCES) tools/debian_packages.sh
+	@tools/debian_packages.sh test $(PYTHON)
+	@$(MAKE) --no-print-directory .venv/bin/python
+	@echo "building and installing into .venv, with the peers of the benches, a minute or two"
 	@$(PIP) -e '.[test,aravis,bench]'
 	@touch $@ .venv/test.stamp .venv/demo.stamp
 

@@ -74,11 +74,11 @@ def contents(count: int, height: int, width: int, effort: Effort) -> dict[str, d
 def sizes_of_contents(height: int, width: int) -> dict[str, float]:
     """The largest size of packed that each of the field makes of any content."""
     pictures = list(chain.from_iterable(content(kind, 1, height, width) for kind in CONTENTS))
-    return {peer.name: max(_sizes(peer, pictures)) for peer in peers(height, width)}
+    return {peer.name: max(_sizes(peer, pictures).values()) for peer in peers(height, width)}
 
 
-def sizes_of_imaging() -> dict[str, list[float]]:
-    """Size of packed of every medical and depth image, by codec; felics-ls takes those of 12 bits at most."""
+def sizes_of_imaging() -> dict[str, dict[str, float]]:
+    """Size of packed of medical and depth images, by codec and name; felics-ls takes 12 bits at most."""
     pictures = list(imaging())
     narrow = [picture for picture in pictures if picture.bit_depth <= 12]
     return {
@@ -88,9 +88,12 @@ def sizes_of_imaging() -> dict[str, list[float]]:
     }
 
 
-def _sizes(runner: Codec, pictures: Sequence[Picture]) -> list[float]:
+def _sizes(runner: Codec, pictures: Sequence[Picture]) -> dict[str, float]:
     streams = coded(runner, pictures)
-    return [len(data) / picture.packed_bytes for data, picture in zip(streams, pictures, strict=True)]
+    return {
+        picture.name: len(data) / picture.packed_bytes
+        for data, picture in zip(streams, pictures, strict=True)
+    }
 
 
 def threads(pictures: Sequence[Picture], effort: Effort) -> dict[str, Speed]:
