@@ -168,19 +168,16 @@ def _ratios(run: Run) -> list[Figure]:
     Ours is with the widest kernels that there are, as JPEG XL chooses its own.
     """
     ours = run.camera[run.widest]["felics"].encode
-    scalar = run.camera["scalar"]["felics"].encode
-    jxl = run.field[JXL_E1].encode if JXL_E1 in run.field else None
+    scalar = run.camera["scalar"]["felics"].encode.of_memcpy
+    over_scalar = ours.of_memcpy / scalar if run.widest != "scalar" else None
+    jxl = {name: run.field[name].encode.of_memcpy for name in (JXL_E1,) if name in run.field}
+    over_jxl = ours.of_memcpy / jxl[JXL_E1] if jxl else None
     return [
         _figure(
-            "felics_encode_over_scalar", ours.of_memcpy / scalar.of_memcpy if run.widest != "scalar" else None,
-            ours.n, {f"felics {TITLES[run.widest]} of memcpy": ours.of_memcpy, "scalar": scalar.of_memcpy},
-            reason="no AVX2",
+            "felics_encode_over_scalar", over_scalar, ours.n, {"scalar of memcpy": scalar}, reason="no AVX2"
         ),
-        _figure(
-            "felics_encode_over_jxl_e1", ours.of_memcpy / jxl.of_memcpy if jxl else None,
-            ours.n, {JXL_E1: jxl.of_memcpy} if jxl else {}, reason="no JPEG XL",
-        ),
-    ]  # fmt: skip
+        _figure("felics_encode_over_jxl_e1", over_jxl, ours.n, jxl, reason="no JPEG XL"),
+    ]
 
 
 def _worst(run: Run) -> list[Figure]:

@@ -108,16 +108,21 @@ def threads(pictures: Sequence[Picture], effort: Effort) -> dict[str, Speed]:
     def encode(number: int, out: int = 0, **options: Any) -> None:
         codec.encode_into(pictures[number].pixels, outs[out], tables=tables[number], **options)
 
+    def every_second(start: int) -> None:
+        for number in range(start, len(pictures), 2):
+            encode(number, start)
+
     with ThreadPoolExecutor(2) as pool:
 
-        def pair(number: int) -> None:
-            if number % 2 == 0:
-                list(pool.map(encode, (number, number + 1), (0, 1)))
+        def both(number: int) -> None:
+            """The whole pass when it begins, and nothing after."""
+            if number == 0:
+                list(pool.map(every_second, (0, 1)))
 
-        calls: dict[str, Callable[[int], object]] = {"one thread": encode, "two frames at once": pair}
+        calls: dict[str, Callable[[int], object]] = {"one thread": encode, "two frames at once": both}
         if "threads" in signature(codec.encode_into).parameters:
             calls["two threads"] = lambda number: encode(number, threads=2)
-        return in_turns(calls, pictures[: len(pictures) // 2 * 2], effort)
+        return in_turns(calls, pictures, effort)
 
 
 def main() -> None:
