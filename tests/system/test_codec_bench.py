@@ -71,11 +71,13 @@ def test_the_readmes_table_is_measured_anew_and_nothing_else_is_touched() -> Non
     table = Table(
         "One core.", ("codec", "frames/s"), [("felics AVX2", 812.34), ("LERC", 5.0)], ("felics AVX2",)
     )
-    told = as_json("codec", Measured([], [table]))
+    aside = Table("Aside.", ("codec", "frames/s"), [("LERC", 5.0)])
+    told = as_json("codec", Measured([], [table, aside]))
     readme = README.read_text(encoding="utf-8")
     once = with_headlines(readme, told)
     assert "| felics AVX2 | 812 |" in once
     assert "| LERC |" not in once
+    assert "Aside." not in once
     assert with_headlines(once, told) == once
     begin, end = "<!-- codec: written by make bench -->", "<!-- codec: end -->"
     assert once.partition(begin)[0] == readme.partition(begin)[0]

@@ -152,10 +152,11 @@ def with_headlines(readme: str, told: dict[str, Any]) -> str:
     before, found, rest = readme.partition(begin)
     if not found:
         return readme
-    lines = [_origin(told) + ":", ""]
+    lines = [_origin(told) + "."]
     for table in told["tables"]:
         shown = [row for row in table["rows"] if row[0] in table["headline"]]
-        lines += [*_rows(table["head"], shown), "", table["caption"]]
+        if shown:
+            lines += [table["caption"], "", *_rows(table["head"], shown)]
     return before + begin + "\n".join(lines) + "\n" + end + rest.partition(end)[2]
 
 
