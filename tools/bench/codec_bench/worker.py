@@ -50,7 +50,7 @@ def run(kernels: str, task: Callable[..., Told], *args: Any, **kwargs: Any) -> T
 
 
 def _environment(kernels: str) -> dict[str, str]:
-    return os.environ | {"RECORDER_KERNELS": kernels, "PYTHONPATH": f"{ROOT}:{ROOT / 'tools' / 'bench'}"}
+    return os.environ | {"RECORDER_KERNELS": kernels, "PYTHONPATH": str(ROOT / "tools" / "bench")}
 
 
 def camera(pictures: Sequence[Picture], effort: Effort, *, field: bool) -> dict[str, Result]:
