@@ -27,7 +27,7 @@ fuzz:
 	@tools/debian_packages.sh fuzz $(PYTHON)
 	tools/fuzz.sh $(FUZZ_SECONDS)
 
-bench: .venv/test.stamp
+bench: .venv/bench.stamp
 	$(BIN)/python tools/bench/figures.py
 
 .venv/bin/python:
@@ -47,6 +47,13 @@ bench: .venv/test.stamp
 	@echo "building and installing into .venv, a minute or two"
 	@$(PIP) -e '.[test,aravis]'
 	@touch $@ .venv/demo.stamp
+
+.venv/bench.stamp: $(SOURCES) tools/debian_packages.sh
+	@tools/debian_packages.sh test $(PYTHON)
+	@$(MAKE) --no-print-directory .venv/bin/python
+	@echo "building and installing into .venv, with the peers of the benches, a minute or two"
+	@$(PIP) -e '.[test,aravis,bench]'
+	@touch $@ .venv/test.stamp .venv/demo.stamp
 
 clean:
 	rm -rf .venv build .mypy_cache .ruff_cache .pytest_cache

@@ -12,13 +12,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from figures import Figure, report
+from figures import Figure, Measured, report
 from mcap.writer import CompressionType, Writer
 
 from recorder import open_drive
@@ -98,7 +97,7 @@ def plain_mcap_cores(frames: np.ndarray, seconds: float) -> float:
         return (time.process_time() - before) / seconds
 
 
-def measure(quick: bool) -> Sequence[Figure]:
+def measure(quick: bool) -> Measured:
     """Record from a GigE Vision camera and a receiver; see the top of the file."""
     seconds = 15.0 if quick else 60.0
     frames = Scene().loop(60, 24.0)
@@ -107,7 +106,7 @@ def measure(quick: bool) -> Sequence[Figure]:
         np.save(loop, frames)
         runs = {name: record(loop, name, seconds) for name in ("Mono10", "Mono10p")}
     raw = {"plain mcap, raw pixels": plain_mcap_cores(frames, min(seconds, 15.0))}
-    figures = []
+    figures: list[Figure] = []
     for name, run in runs.items():
         key = name.lower()
         expected = seconds * RATE_HZ
@@ -121,7 +120,7 @@ def measure(quick: bool) -> Sequence[Figure]:
                    {"report": REPORT_RATIO}),
             Figure(f"{key}_sound", float(run.sound), "", 1, "higher", run.frames),
         ]  # fmt: skip
-    return figures
+    return Measured(figures)
 
 
 if __name__ == "__main__":
