@@ -9,7 +9,7 @@ trap 'rm -rf "$build"' EXIT
 flags="-std=c++17 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -Wall -Wextra -I$kernels"
 for source in "$root/tools/sanitize.cpp" $(find "$kernels" -name '*.cpp' ! -name bindings.cpp); do
     case $source in
-        *_avx2.cpp) wide="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe" ;;
+        *_vector.cpp) wide="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe" ;;
         *) wide="" ;;
     esac
     # shellcheck disable=SC2086  # one flag a word

@@ -22,7 +22,7 @@ InstructionSet instruction_set();
 // Its name, as in RECORDER_KERNELS.
 const char *name_of(InstructionSet set);
 
-// Whether RECORDER_WIDE functions and those of the *_avx2.cpp files may be called. Without them (other
+// Whether RECORDER_WIDE functions and the kernels of the set avx2 may be called. Without them (other
 // machines) it is false when compiled, and no call of theirs remains.
 #if RECORDER_HAS_WIDE
 inline bool has_wide() { return instruction_set() >= InstructionSet::avx2; }

@@ -1,9 +1,9 @@
-#include "decode_ls_avx2.hpp"
+#include "vector_set.hpp"
 
-#include "model_ls_avx2.hpp"
-#include "wavefront_avx2.hpp"
+#include "model_ls_vector.hpp"
+#include "wavefront_vector.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 namespace {
 
 // LsInterval of model_ls.hpp.
@@ -77,4 +77,4 @@ bool decode_ls_rows(std::uint16_t *image, std::uint16_t *sink, const std::uint8_
     return Wave<LsWaveModel>(image, sink, payload, header, streams).run();
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

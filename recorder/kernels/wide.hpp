@@ -5,9 +5,9 @@
 
 #include <type_traits>
 
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::uint32_t wide_parts = 2;
 constexpr std::uint32_t wide_lanes = wide_parts * lanes32;
@@ -105,4 +105,4 @@ class BigEndianGather {
     Lanes reversed_ = kept(table16(reversed_bytes));
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

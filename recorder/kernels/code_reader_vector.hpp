@@ -4,10 +4,9 @@
 #pragma once
 
 #include "code.hpp"
-#include "logarithm_avx2.hpp"
-#include "wide_avx2.hpp"
+#include "wide.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 // Two code words and the bits of a byte before them fit 64 bits, and 8 << k with anything added 16.
 constexpr std::uint32_t deepest_decoded = 12;
@@ -102,4 +101,4 @@ class CodeReader {
     Lanes limit_, raw_mask_, escape_length_;
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

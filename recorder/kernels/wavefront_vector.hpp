@@ -5,11 +5,10 @@
 #include <array>
 #include <cstdint>
 
-#include "code_reader_avx2.hpp"
-#include "decode_avx2.hpp"
-#include "felics.hpp"
+#include "code_reader_vector.hpp"
+#include "vector_set.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::uint32_t wave_rows = 32;
 constexpr std::uint32_t wave_parts = wave_rows / lanes16;
@@ -328,4 +327,4 @@ class Wave {
     bool sound_ = true;
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

@@ -1,8 +1,8 @@
-#include "decode_avx2.hpp"
+#include "vector_set.hpp"
 
-#include "wavefront_avx2.hpp"
+#include "wavefront_vector.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 namespace {
 
 // Interval of code.hpp.
@@ -79,4 +79,4 @@ bool decode_rows(std::uint16_t *image, std::uint16_t *sink, const std::uint8_t *
     return Wave<FelicsModel>(image, sink, payload, header, streams).run();
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR
