@@ -141,7 +141,7 @@ class Decoder {
         StreamEnds streams[written_streams];
         for (std::uint32_t s = 0; s < written_streams; ++s)
             streams[s] = {static_cast<std::uint32_t>(cursors_[s].bit), static_cast<std::uint32_t>(cursors_[s].end)};
-        if (decode_rows(image_, scratch.reserve(h_.width), payload_, h_, streams)) {
+        if (decode_rows(image_, scratch.reserve(h_.width + sink_slack), payload_, h_, streams)) {
             for (std::uint32_t s = 0; s < written_streams; ++s) cursors_[s].bit = streams[s].bit;
             for (std::uint32_t s = 0; s < written_streams; ++s) check_end(cursors_[s]);
             return true;

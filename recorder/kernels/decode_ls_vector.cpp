@@ -2,225 +2,79 @@
 
 #include "model_ls_vector.hpp"
 #include "wavefront_vector.hpp"
-#include "wide.hpp"
 
 namespace recorder::RECORDER_VECTOR {
 namespace {
 
-constexpr std::uint32_t delay = 2;  // a row needs its upper right neighbour
-constexpr std::uint32_t edge_steps = delay * wave_rows;
-using Rows = WaveRows<delay>;
-
-// Thirty-two 16-bit numbers, lane after lane.
-struct Pair {
-    Lanes part[2];
-};
-
-RECORDER_INLINE Pair load_pair(const std::uint16_t *p) { return {{load(p), load(p + lanes16)}}; }
-RECORDER_INLINE void store_pair(std::uint16_t *p, const Pair &a) {
-    store(p, a.part[0]);
-    store(p + lanes16, a.part[1]);
-}
-RECORDER_INLINE Pair choose(const Pair &mask, const Pair &yes, const Pair &no) {
-    return {{RECORDER_VECTOR::choose(mask.part[0], yes.part[0], no.part[0]), RECORDER_VECTOR::choose(mask.part[1], yes.part[1], no.part[1])}};
-}
-RECORDER_INLINE Pair shifted_up16(Lanes first, const Pair &a) {
-    return {{RECORDER_VECTOR::shifted_up16(first, a.part[0]), RECORDER_VECTOR::shifted_up16(a.part[0], a.part[1])}};
-}
-RECORDER_INLINE Wide widened(Lanes a) { return {{widened_low16(a), widened_high16(a)}}; }
-
-// What the lanes know from step to step, named as in the model: a is the last pixel, e the one before, d the
-// upper right neighbour of the last step and so b of the next one.
-struct State {
-    alignas(32) std::uint32_t cursors[wave_rows];
-    alignas(32) std::uint32_t values[wave_rows];
-    alignas(32) std::uint32_t zeros[wave_rows];
-    alignas(32) std::uint16_t a[wave_rows], e[wave_rows], d[wave_rows], b[wave_rows], b_before[wave_rows];
-};
-
-// The lanes in one step at an edge.
-struct Edge {
-    alignas(32) std::uint16_t starts[wave_rows];  // all ones: in the first column
-    alignas(32) std::uint16_t ends[wave_rows];    // in the last one
-    alignas(32) std::uint16_t row_1[wave_rows];   // in row 1
-};
-
-class LsDecoder {
+// LsInterval of model_ls.hpp.
+class LsWaveModel {
   public:
-    LsDecoder(const std::uint8_t *payload, const Header &header)
-        : model_(header.ls_table, header.depth),
-          source_(payload),
-          limit_(kept(all32(static_cast<std::uint32_t>(8 * header.payload()) + 64u))),
-          escape_length_(kept(all32(longest_code(header.depth)))),
-          escape_shift_(kept(all32(32u - header.depth))),
-          middle_(kept(all16(1u << (header.depth - 1u)))) {}
+    static constexpr std::uint32_t delay = 2;  // a row needs its upper right neighbour
 
-    // `right_above` and `above_2` are d and f of lane 0, step by step.
-    template <std::uint32_t steps, bool edge>
-    RECORDER_INLINE void advance(State &state, const std::uint16_t *right_above, const std::uint16_t *above_2,
-                                 Lanes (*results)[2], const Edge *at) const {
-        Wide cursors[2], values[2], zeros[2];
-        for (std::uint32_t h = 0; h < 2; ++h) {
-            cursors[h] = load_wide(state.cursors + wide_lanes * h);
-            values[h] = load_wide(state.values + wide_lanes * h);
-            zeros[h] = load_wide(state.zeros + wide_lanes * h);
+    explicit LsWaveModel(const Header &header)
+        : model_(header.ls_table, header.depth), middle_(kept(all16(1u << (header.depth - 1u)))) {}
+
+    // Named as in the model, of the pixel decoded last: d is the next one's b, b the next one's c.
+    struct History {
+        WaveLanes a, e, d, b, b_before;
+    };
+    struct Around {
+        WaveLanes a, b, c, d, e, f;
+    };
+    void start(History &history, const Above &above) const {
+        alignas(32) std::uint16_t first[wave_rows] = {};
+        first[lane_of(0)] = *above.b;
+        history.d = load_rows(first);
+    }
+    template <bool edge>
+    RECORDER_INLINE Around around(History &history, const Above &above, const Edge *at) const {
+        const WaveLanes next_b = from_above(above.d, history.a);
+        Around n{history.a, history.d, history.b, next_b, history.e, from_above(above.f, history.b_before)};
+        if (edge) {
+            const WaveLanes starts = load_rows(at->starts), row_1 = load_rows(at->row_1);
+            n.a = choose(starts, n.b, n.a);
+            n.e = choose(starts, n.b, n.e);
+            n.c = choose(starts, choose(row_1, {{middle_, middle_}}, n.f), n.c);
+            n.d = choose(load_rows(at->ends), n.b, n.d);
         }
-        Pair a = load_pair(state.a), e = load_pair(state.e), last_d = load_pair(state.d);
-        Pair last_b = load_pair(state.b), b_before = load_pair(state.b_before);
-        for (std::uint32_t i = 0; i < steps; ++i) {
-            const Pair next_b = shifted_up16(all16(right_above[i]), a), f = shifted_up16(all16(above_2[i]), b_before);
-            const Pair b = last_d;
-            Pair c = last_b, d = next_b;
-            if (edge) {
-                const Pair starts = load_pair(at->starts), row_1 = load_pair(at->row_1);
-                a = choose(starts, b, a);
-                e = choose(starts, b, e);
-                c = choose(starts, choose(row_1, {{middle_, middle_}}, f), c);
-                d = choose(load_pair(at->ends), b, d);
-            }
-            Pair pixels;
-            BigEndianGather::Offsets offsets[2];
-#pragma GCC unroll 2
-            for (std::uint32_t h = 0; h < 2; ++h) BigEndianGather::prepare(offsets[h], right32<3>(cursors[h]));
-#pragma GCC unroll 2
-            for (std::uint32_t h = 0; h < 2; ++h) {
-                const Wide decoded =
-                    decode({a.part[h], b.part[h], c.part[h], d.part[h], e.part[h], f.part[h]}, offsets[h],
-                           cursors[h], values[h], zeros[h]);
-                results[i][h] = pack32(decoded.part[0], decoded.part[1]);
-                pixels.part[h] = middle_swapped64(results[i][h]);
-            }
-            e = a;
-            a = pixels;
-            b_before = last_b;
-            last_b = b;
-            last_d = next_b;
-        }
-        for (std::uint32_t h = 0; h < 2; ++h) {
-            store_wide(state.cursors + wide_lanes * h, cursors[h]);
-            store_wide(state.values + wide_lanes * h, values[h]);
-            store_wide(state.zeros + wide_lanes * h, zeros[h]);
-        }
-        store_pair(state.a, a);
-        store_pair(state.e, e);
-        store_pair(state.d, last_d);
-        store_pair(state.b, last_b);
-        store_pair(state.b_before, b_before);
+        history = {history.a, n.a, next_b, n.b, history.b};
+        return n;
+    }
+    RECORDER_INLINE void next(History &history, const WaveLanes &values) const { history.a = values; }
+
+    struct Interval {
+        CodeLanes code;
+    };
+    RECORDER_INLINE Interval interval(const Around &n, std::uint32_t h) const {
+        const LsLanes at =
+            model_.apply({n.a.part[h], n.b.part[h], n.c.part[h], n.d.part[h], n.e.part[h], n.f.part[h]});
+        const Lanes size = powers_.power(at.m_twice), low_byte = all16(0xFF);
+        return {{sub16(at.prediction, right16<1>(size)), size, sub16(all16(31), common(at.m_twice, low_byte)),
+                 powers_.power(at.k_twice), add16(common(at.k_twice, low_byte), all16(outside_bias))}};
+    }
+    RECORDER_INLINE auto inside(const Interval &interval) const {
+        return [&code = interval.code](Lanes word) -> Inside {
+            return {add16(sub16(word, code.size), code.low), code.inside_shift};
+        };
     }
 
   private:
-    // decode_ls_pixel of model_ls.hpp.
-    RECORDER_INLINE Wide decode(const LsNeighbourLanes &around, const BigEndianGather::Offsets &offsets,
-                                Wide &cursor, Wide &values, Wide &longest) const {
-        const LsLanes at = model_.apply(around);
-        const Lanes codes = both(common(at.m_twice, all16(0xFF)), left16<8>(at.k_twice));
-        const Wide code = widened(codes), m = common(code, all32(0xFF)), k = right32<8>(code);
-        const Wide size = left_by32(one_, m), low = sub32(widened(at.prediction), right32<1>(size));
-
-        const Wide bits = left_by32(source_.load(offsets), common(cursor, seven_));
-        const Wide zeros = sub32(leading_, exponent32(both(right32<8>(bits), sentinel_)));
-        const Wide shift = choose32(bits, sub32(thirty_two_, m), sub32(thirty_one_, k));
-        const Wide tail = right_by32(left_by32(bits, add32(zeros, one_)), shift);
-        const Wide beyond = add32(left_by32(sub32(zeros, one_), k), right32<1>(tail));
-        const Wide outside = choose32(left32<31>(tail), add32(add32(low, size), beyond), sub32(sub32(low, one_), beyond));
-
-        const Wide is_escape = greater32(zeros, last_zeros_);
-        const Wide raw = right_by32(left32<escape_prefix>(bits), escape_shift_);
-        const Wide value = choose32(is_escape, raw, choose32(bits, add32(low, tail), outside));
-        const Wide length = choose32(is_escape, escape_length_, sub32(add32(zeros, thirty_three_), shift));
-        values = both(values, value);
-        longest = max32(longest, zeros);
-        cursor = min32(add32(cursor, length), limit_);
-        return value;
-    }
-
+    Powers powers_;
     LsModel model_;
-    BigEndianGather source_;
-    Lanes limit_, escape_length_, escape_shift_, middle_;
-    Lanes one_ = kept(all32(1)), seven_ = kept(all32(7)), sentinel_ = kept(all32(1u << (23u - escape_prefix)));
-    Lanes leading_ = kept(all32(127 + 23)), thirty_one_ = kept(all32(31)), thirty_two_ = kept(all32(32));
-    Lanes thirty_three_ = kept(all32(33)), last_zeros_ = kept(all32(escape_zeros - 1));
-};
-
-class LsWave {
-  public:
-    LsWave(std::uint16_t *image, std::uint16_t *sink, const std::uint8_t *payload, const Header &header,
-           StreamEnds (&streams)[written_streams])
-        : header_(header),
-          streams_(streams),
-          decoder_(payload, header),
-          rows_(image, header.width, header.height, 1, sink) {}
-
-    bool run() {
-        const std::uint32_t groups = rows_.groups(), width = header_.width;
-        rows_.start_group(0);
-        state_.d[0] = rows_.above()[0];
-        for (std::uint32_t group = 0; group <= groups; ++group) {
-            rows_.start_group(group);
-            std::uint32_t x = 0;
-            for (; x < edge_steps; x += wave_steps) edge(group, x);
-            if (group == groups) break;
-            for (; x + wave_steps < width; x += wave_steps) {
-                Rows::Results results;
-                decoder_.advance<wave_steps, false>(state_, rows_.above() + x + 1, rows_.above_2() + x, results, nullptr);
-                rows_.put(results, x);
-            }
-            edge(group, x);
-        }
-        return sound_;
-    }
-
-  private:
-    void edge(std::uint32_t group, std::uint32_t x) {
-        Rows::Results results;
-        for (std::uint32_t i = 0; i < wave_steps; ++i) {
-            const std::uint32_t step = x + i;
-            Edge at{};
-            if (step < edge_steps && step % delay == 0) start(group, step / delay, at);
-            const bool is_last = step + 1 == header_.width;  // of lane 0
-            if (is_last) at.ends[0] = 0xFFFF;
-            if (step % delay == 1 && step + 1 < edge_steps) at.ends[(step + 1) / delay] = 0xFFFF;
-            const std::uint16_t right = is_last ? *rows_.next_above() : rows_.above()[step + 1];
-            decoder_.advance<1, true>(state_, &right, rows_.above_2() + step, results + i, &at);
-        }
-        rows_.put_edge(results, x);
-    }
-
-    void start(std::uint32_t group, std::uint32_t lane, Edge &at) {
-        at.starts[lane] = 0xFFFF;
-        if (group == 0) {
-            if (lane == 0) at.row_1[0] = 0xFFFF;
-            state_.cursors[lane] = stream_of(lane).bit;
-            state_.values[lane] = state_.zeros[lane] = 0;
-        } else if (!rows_.exists(group, lane) && rows_.exists(group - 1, lane)) {
-            StreamEnds &stream = stream_of(lane);
-            stream.bit = state_.cursors[lane];
-            sound_ = sound_ && stream.bit <= stream.end && state_.zeros[lane] <= escape_zeros &&
-                     state_.values[lane] >> header_.depth == 0;
-        }
-    }
-
-    StreamEnds &stream_of(std::uint32_t lane) { return streams_[(1 + lane) % wave_rows]; }
-
-    const Header &header_;
-    StreamEnds (&streams_)[written_streams];
-    const LsDecoder decoder_;
-    Rows rows_;
-    State state_{};
-    bool sound_ = true;
+    Lanes middle_;
 };
 
 }  // namespace
 
 bool decodes_ls(const Header &header) {
     return header.model == Model::felics_ls && header.streams == written_streams &&
-           header.width >= edge_steps + 4 * wave_steps && header.width % wave_steps == 0 && header.height > 1 &&
-           header.payload() < (std::uint64_t{1} << 28);
+           header.width >= LsWaveModel::delay * wave_rows + 4 * wave_steps && header.width % wave_steps == 0 &&
+           header.height > 1 && header.payload() < (std::uint64_t{1} << 28);
 }
 
 bool decode_ls_rows(std::uint16_t *image, std::uint16_t *sink, const std::uint8_t *payload, const Header &header,
                     StreamEnds (&streams)[written_streams]) {
-    return LsWave(image, sink, payload, header, streams).run();
+    return Wave<LsWaveModel>(image, sink, payload, header, streams).run();
 }
 
 }  // namespace recorder::RECORDER_VECTOR

@@ -63,6 +63,7 @@ RECORDER_INLINE Lanes signed_max16(Lanes a, Lanes b) { return _mm256_max_epi16(a
 RECORDER_INLINE Lanes monus16(Lanes a, Lanes b) { return _mm256_subs_epu16(a, b); }
 RECORDER_INLINE Lanes abs16(Lanes a) { return _mm256_abs_epi16(a); }
 RECORDER_INLINE Lanes average16(Lanes a, Lanes b) { return _mm256_avg_epu16(a, b); }
+RECORDER_INLINE Lanes multiply16(Lanes a, Lanes b) { return _mm256_mullo_epi16(a, b); }
 RECORDER_INLINE Lanes multiply_high16(Lanes a, Lanes b) { return _mm256_mulhi_epu16(a, b); }
 // (a b + 2^14) >> 15, signed.
 RECORDER_INLINE Lanes multiply_round16(Lanes a, Lanes b) { return _mm256_mulhrs_epi16(a, b); }
@@ -124,21 +125,39 @@ RECORDER_INLINE Lanes signed_right32(Lanes a) {
 }
 // a0 b0 + a1 b1 of neighbouring 16-bit numbers.
 RECORDER_INLINE Lanes dot_pairs16(Lanes a, Lanes b) { return _mm256_madd_epi16(a, b); }
-// The exponent of a as a float, biased by 127: 127 + floor(log2(a)) of 1 <= a < 2^24.
+// By one count for all.
+RECORDER_INLINE Lanes right32_by(Lanes a, std::uint32_t count) {
+    return _mm256_srl_epi32(a, _mm_cvtsi32_si128(static_cast<int>(count)));
+}
+// Sign and exponent of a as a float: 127 + floor(log2(a)) of a > 0 with at most 24 significant bits, 0 of
+// zero, 256 and more of negative numbers.
 RECORDER_INLINE Lanes exponent32(Lanes a) { return right32<23>(_mm256_castps_si256(_mm256_cvtepi32_ps(a))); }
+// Of each half of a and b the even or the odd 32-bit numbers: a0 a2 b0 b2, a1 a3 b1 b3.
+RECORDER_INLINE Lanes evens32(Lanes a, Lanes b) {
+    return _mm256_castps_si256(_mm256_shuffle_ps(_mm256_castsi256_ps(a), _mm256_castsi256_ps(b), 0x88));
+}
+RECORDER_INLINE Lanes odds32(Lanes a, Lanes b) {
+    return _mm256_castps_si256(_mm256_shuffle_ps(_mm256_castsi256_ps(a), _mm256_castsi256_ps(b), 0xDD));
+}
+// Four 64-bit words, wherever they stand, two in each half.
+RECORDER_INLINE Lanes load_each64(const void *a, const void *b, const void *c, const void *d) {
+    const auto two = [](const void *first, const void *second) {
+        const __m128d low = _mm_load_sd(static_cast<const double *>(first));
+        return _mm_castpd_si128(_mm_loadh_pd(low, static_cast<const double *>(second)));
+    };
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(two(a, b)), two(c, d), 1);
+}
 
-// Two vectors of 32-bit numbers below 2^16 in one of 16-bit numbers: 0-3 of a, of b, 4-7 of a, of b.
+// Two vectors of 32-bit numbers below 2^16 in one of 16-bit numbers: 0-3 of a, of b, 4-7 of a, of b. Undoes
+// interleave_low16 and interleave_high16 with zero.
 RECORDER_INLINE Lanes pack32(Lanes a, Lanes b) { return _mm256_packus_epi32(a, b); }
-// The numbers of `a` one lane up, behind the last one of `before`.
-RECORDER_INLINE Lanes shifted_up32(Lanes before, Lanes a) {
-    return _mm256_alignr_epi8(a, _mm256_permute2x128_si256(before, a, 0x21), 12);
+// Of each half (128 bits) the numbers one lane down, and behind them the first one of that half of `next`.
+RECORDER_INLINE Lanes shifted_down16(Lanes a, Lanes next) { return _mm256_alignr_epi8(next, a, 2); }
+// Sixteen bytes from p, then the lower half of a.
+RECORDER_INLINE Lanes before_low_half(const void *p, Lanes a) {
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(static_cast<const __m128i *>(p))),
+                                   _mm256_castsi256_si128(a), 1);
 }
-RECORDER_INLINE Lanes shifted_up16(Lanes before, Lanes a) {
-    return _mm256_alignr_epi8(a, _mm256_permute2x128_si256(before, a, 0x21), 14);
-}
-// The lower and the upper eight 16-bit numbers as 32-bit ones.
-RECORDER_INLINE Lanes widened_low16(Lanes a) { return _mm256_cvtepu16_epi32(_mm256_castsi256_si128(a)); }
-RECORDER_INLINE Lanes widened_high16(Lanes a) { return _mm256_cvtepu16_epi32(_mm256_extracti128_si256(a, 1)); }
 // Of each half (128 bits) of a and b the lower or upper numbers, in turns.
 RECORDER_INLINE Lanes interleave_low16(Lanes a, Lanes b) { return _mm256_unpacklo_epi16(a, b); }
 RECORDER_INLINE Lanes interleave_high16(Lanes a, Lanes b) { return _mm256_unpackhi_epi16(a, b); }

@@ -38,9 +38,11 @@ struct StreamEnds {
 // Whether the DecodeRows of a model can be used.
 using Decodes = bool(const Header &header);
 
+constexpr std::size_t sink_slack = 8;  // pixels
+
 // Decodes all rows but the topmost, whose stream stands behind it in `streams`, and moves the streams on.
-// False if anything is wrong: then the pixels and streams are void. `sink` has room for one row. May read 16
-// bytes behind the payload, which are to be zero.
+// False if anything is wrong: then the pixels and streams are void. `sink` has room for one row and
+// sink_slack. May read 16 bytes behind the payload, which are to be zero.
 using DecodeRows = bool(std::uint16_t *image, std::uint16_t *sink, const std::uint8_t *payload,
                         const Header &header, StreamEnds (&streams)[written_streams]);
 

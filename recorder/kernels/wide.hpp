@@ -1,6 +1,6 @@
-// Sixteen 32-bit numbers in two vectors. Each operation is done on both before the next begins: a processor
-// that looks a hundred instructions ahead then finds chains to work on at once, where one vector after
-// another would leave it waiting. Four at a time would not fit sixteen registers.
+// As many 32-bit numbers as one vector has 16-bit ones, in two vectors. Each operation is done on both before
+// the next begins: a processor that looks a hundred instructions ahead then finds chains to work on at once,
+// where one vector after another would leave it waiting.
 #pragma once
 
 #include <type_traits>
@@ -39,28 +39,19 @@ using IfWide = std::enable_if_t<(std::is_same_v<Operands, Wide> || ...), Wide>;
 RECORDER_ON_WIDE(add32)
 RECORDER_ON_WIDE(sub32)
 RECORDER_ON_WIDE(min32)
-RECORDER_ON_WIDE(max32)
-RECORDER_ON_WIDE(greater32)
 RECORDER_ON_WIDE(left_by32)
 RECORDER_ON_WIDE(right_by32)
-RECORDER_ON_WIDE(choose32)
 RECORDER_ON_WIDE(both)
 RECORDER_ON_WIDE(common)
 RECORDER_ON_WIDE(exponent32)
-RECORDER_ON_WIDE(look_up)
 #undef RECORDER_ON_WIDE
 
-template <int N>
-RECORDER_INLINE Wide left32(const Wide &a) {
-    return on_parts([](Lanes part) { return left32<N>(part); }, a);
-}
 template <int N>
 RECORDER_INLINE Wide right32(const Wide &a) {
     return on_parts([](Lanes part) { return right32<N>(part); }, a);
 }
-template <int N>
-RECORDER_INLINE Wide signed_right32(const Wide &a) {
-    return on_parts([](Lanes part) { return signed_right32<N>(part); }, a);
+RECORDER_INLINE Wide right32_by(const Wide &a, std::uint32_t count) {
+    return on_parts([count](Lanes part) { return right32_by(part, count); }, a);
 }
 
 RECORDER_INLINE Wide load_wide(const std::uint32_t *p) {
@@ -70,50 +61,48 @@ RECORDER_INLINE void store_wide(std::uint32_t *p, const Wide &a) {
     for (std::uint32_t i = 0; i < wide_parts; ++i) store(p + i * lanes32, a.part[i]);
 }
 
-// All numbers one lane up, and `first` in the first lane.
-RECORDER_INLINE Wide shifted_up32(Lanes first, const Wide &a) {
-    return {{shifted_up32(first, a.part[0]), shifted_up32(a.part[0], a.part[1])}};
-}
+// One vector of 16-bit numbers as 32-bit ones, and back. Of each half of the vector the first part has the
+// lower numbers.
+RECORDER_INLINE Wide widened(Lanes a) { return {{interleave_low16(a, zero()), interleave_high16(a, zero())}}; }
+RECORDER_INLINE Lanes narrowed(const Wide &a) { return pack32(a.part[0], a.part[1]); }
 
-// 32 bits from each of base + offset, the first byte the highest. By scalar loads: the gather instruction is
-// slow on AMD's processors, and on Intel's since its leaks were closed.
+// Sixty-four bits, the first ones highest.
+struct Words {
+    Wide first, second;
+};
+
+// Such words from base + offset, for each of many offsets. By scalar loads: the gather instruction is slow on
+// AMD's processors, and on Intel's since its leaks were closed.
 class BigEndianGather {
   public:
     explicit BigEndianGather(const std::uint8_t *base) : base_(base) {}
 
     struct Offsets {
-        alignas(32) std::uint32_t at[wide_parts * lanes32];
+        alignas(32) std::uint32_t at[wide_lanes];
     };
     // In two halves, because a number that was just stored takes time to be loaded.
     RECORDER_INLINE static void prepare(Offsets &offsets, const Wide &values) {
         store_wide(offsets.at, values);
         asm("" : "+m"(offsets));  // really stored, not taken to pieces in registers
     }
-    RECORDER_INLINE Wide load(const Offsets &offsets) const {
-        Wide words;
+    RECORDER_INLINE Words load(const Offsets &offsets) const {
+        Words words;
 #pragma GCC unroll 2
         for (std::uint32_t i = 0; i < wide_parts; ++i) {
             const std::uint32_t *at = offsets.at + i * lanes32;
-            words.part[i] = _mm256_inserti128_si256(_mm256_castsi128_si256(load4(at)), load4(at + 4), 1);
+            const Lanes some = load_each64(base_ + at[0], base_ + at[1], base_ + at[4], base_ + at[5]);
+            const Lanes others = load_each64(base_ + at[2], base_ + at[3], base_ + at[6], base_ + at[7]);
+            words.first.part[i] = look_up(evens32(some, others), reversed_);
+            words.second.part[i] = look_up(odds32(some, others), reversed_);
         }
-        return look_up(words, reversed_);
+        return words;
     }
 
   private:
-    RECORDER_INLINE int word(std::uint32_t offset) const {
-        int value;
-        std::memcpy(&value, base_ + offset, sizeof value);
-        return value;
-    }
-    RECORDER_INLINE __m128i load4(const std::uint32_t *at) const {
-        const __m128i low = _mm_insert_epi32(_mm_cvtsi32_si128(word(at[0])), word(at[1]), 1);
-        const __m128i high = _mm_insert_epi32(_mm_cvtsi32_si128(word(at[2])), word(at[3]), 1);
-        return _mm_unpacklo_epi64(low, high);
-    }
+    alignas(16) static constexpr std::uint8_t reversed_bytes[16] = {3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12};
 
     const std::uint8_t *base_;
-    Lanes reversed_ = kept(_mm256_broadcastsi128_si256(
-        _mm_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12)));
+    Lanes reversed_ = kept(table16(reversed_bytes));
 };
 
 }  // namespace recorder::RECORDER_VECTOR
