@@ -23,7 +23,7 @@ class Stamp:
     """
 
     raw_ns: int | None = None
-    """CLOCK_MONOTONIC_RAW of this machine (SMR)."""
+    """CLOCK_MONOTONIC_RAW of this machine at arrival, as the kernel saw it where it stamps (SMR)."""
     device_ns: int | None = None
     """The device's own counter, its origin unknown (IITC)."""
     realtime_ns: int | None = None
@@ -38,6 +38,15 @@ class Stamp:
     """Our estimate of UTC, Unix-like; None while no source is trusted."""
     utc_sigma_ns: int | None = None
     """One standard deviation of ``utc_ns``."""
+    monotonic_ns: int | None = None
+    """CLOCK_MONOTONIC as the kernel stamped it (V4L2)."""
+    raw_error_ns: int | None = None
+    """How far ``raw_ns`` may be from the kernel's stamp; None if it is the reading at arrival."""
+    exposure_raw_ns: int | None = None
+    """Of a frame: raw time of the middle of its exposure, by the camera's own clock. ``utc_ns`` is then
+    UTC of that instant, else of ``raw_ns``."""
+    exposure_sigma_ns: int | None = None
+    """One standard deviation of ``exposure_raw_ns``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +150,8 @@ class ClockPair:
     boottime_ns: int
     bracket_ns: int
     """Between the raw readings before and after: no clock was read further apart."""
+    stepped: bool = False
+    """The wall clock was set since the pair before."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,11 +82,15 @@ def _pair_message(pair: ClockPair, times: Times) -> bytes:
         boottime_ns=pair.boottime_ns,
         bracket_ns=pair.bracket_ns,
         log_offset_ns=times.log_offset_ns,
+        stepped=pair.stepped,
     ).SerializeToString()
 
 
 def _pair(value: Any, _raw_ns: int, _sequence: int) -> ClockPair:
-    return ClockPair(value.raw_ns, value.monotonic_ns, value.realtime_ns, value.boottime_ns, value.bracket_ns)
+    stepped = getattr(value, "stepped", False)  # older drives do not say
+    return ClockPair(
+        value.raw_ns, value.monotonic_ns, value.realtime_ns, value.boottime_ns, value.bracket_ns, stepped
+    )
 
 
 def _utc_message(utc: UtcTime, _times: Times) -> bytes:
