@@ -86,9 +86,13 @@ class GnssSection(Section):
     """The GNSS receiver."""
 
     source: Name
-    """A serial device such as ``/dev/ttyUSB0``, or a recorded NMEA log."""
-    baud: Literal[4800, 9600, 19200, 38400, 57600, 115200] = 4800
-    """Of the serial device; a BU-353 leaves the factory at 4800."""
+    """A serial device such as ``/dev/ttyUSB0``, ``gpsd://HOST:PORT``, or a recorded NMEA log."""
+    baud: Literal["auto", 4800, 9600, 19200, 38400, 57600, 115200] = "auto"
+    """Of the serial device; auto tries all, 4800 first: there a BU-353 leaves the factory."""
+    configure: bool = True
+    """Write to the serial device: out of SiRF binary, and only the sentences that serve."""
+    pps: Name | None = None
+    """The kernel's pulse per second, such as ``/dev/pps0``."""
     realtime: bool = True
     """For a log: play at its own pace."""
 

@@ -130,6 +130,7 @@ class Fix:
     mode: str
     """The receiver's words: RMC status and mode, GGA quality, such as "A/A/1"."""
     satellites: int | None = None
+    """Used, as far as the receiver counts them."""
     hdop: float | None = None
     latitude_deg: float | None = None
     longitude_deg: float | None = None
@@ -138,6 +139,23 @@ class Fix:
     speed_m_s: float | None = None
     course_deg: float | None = None
     """Clockwise from true north."""
+    problem: str = ""
+    """Why it is not valid, such as "status V"; empty if it is."""
+    dimensions: int | None = None
+    """GSA: 3, 2 (the height is assumed), or 1 for none."""
+    leap_second: bool = False
+    """Told as 23:59:60, whose ``gps_ns`` is also that of the second after it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PpsEdge:
+    """One pulse per second, as the kernel stamped its edge."""
+
+    stamp: Stamp
+    """``realtime_ns``: of the edge, by the kernel; ``raw_ns``: read after the edge was handed over,
+    so the edge was before it."""
+    sequence: int
+    """The kernel's count of edges; a step of more than one is edges that nobody took."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,14 +275,17 @@ class LogLine:
     message: str
 
 
-Sample = Frame | NmeaSentence | Fix | ClockPair | UtcTime | Loss | Health | Scan | CanMessage
-"""What a driver may yield."""
+Sample = (
+    Frame | NmeaSentence | Fix | PpsEdge | ClockPair | UtcTime | Loss | Health | LogLine | Scan | CanMessage
+)
+"""What a driver may yield; a `LogLine` tells of the device itself, not of what it measures."""
 
 Record = (
     EncodedFrame
     | Preview
     | NmeaSentence
     | Fix
+    | PpsEdge
     | ClockPair
     | UtcTime
     | Loss

@@ -267,6 +267,11 @@ class Recording:
 
     def _take(self, sample: Sample, live: bool) -> bool:
         assert self._pipeline is not None
+        if isinstance(sample, LogLine):
+            _log.log(
+                logging.getLevelNamesMapping()[sample.level.upper()], "%s %s", sample.name, sample.message
+            )
+            self._note_devices()
         return self._pipeline.take(sample, live=live)
 
     def _tell(self, health: Health) -> None:
@@ -276,12 +281,13 @@ class Recording:
             self._pipeline.put(health)
             name = logging.getLevelName(level).lower()
             self._pipeline.put(LogLine(health.raw_ns, name, health.device, text))
-            self._note_devices(health)
+            if health.state is DeviceState.STREAMING and not self._one_shot:
+                self._note_devices()
         _log.log(level, "%s %s", health.device, text)
 
-    def _note_devices(self, health: Health) -> None:
+    def _note_devices(self) -> None:
         """What a device says of itself is known once it streams: have the drive say so."""
-        if self._pipeline is not None and health.state is DeviceState.STREAMING and not self._one_shot:
+        if self._pipeline is not None:
             devices = {device.driver.name: device.description for device in self._devices}
             self._pipeline.call(lambda: self._writer.set_devices(devices) if self._writer else None)
 

@@ -20,6 +20,7 @@ from recorder.samples import (
     Loss,
     LossCause,
     NmeaSentence,
+    PpsEdge,
     Preview,
     Record,
     Scan,
@@ -72,6 +73,10 @@ def _frame(value: Any, _raw_ns: int, _sequence: int) -> EncodedFrame:
 def _nmea_message(sentence: NmeaSentence, _times: Times) -> bytes:
     stamp = stamp_to_proto(sentence.stamp)
     return pb.NmeaSentence(stamp=stamp, data=sentence.data, problem=sentence.problem).SerializeToString()
+
+
+def _pps_message(edge: PpsEdge, _times: Times) -> bytes:
+    return pb.PpsEdge(stamp=stamp_to_proto(edge.stamp), sequence=edge.sequence).SerializeToString()
 
 
 def _pair_message(pair: ClockPair, times: Times) -> bytes:
@@ -184,6 +189,12 @@ KINDS: dict[type, Kind] = {
     ),
     Fix: Kind(
         _at("/gnss/fix"), LocationFix, _foxglove(foxglove.fix_message), _unnumbered(foxglove.fix_sample)
+    ),
+    PpsEdge: Kind(
+        _at("/gnss/pps"),
+        pb.PpsEdge,
+        _pps_message,
+        lambda v, _raw_ns, _sequence: PpsEdge(stamp_from_proto(v.stamp), v.sequence),
     ),
     ClockPair: Kind(_at("/clock/pairs"), pb.ClockPair, _pair_message, _pair),
     UtcTime: Kind(

@@ -226,6 +226,31 @@ class NmeaSentence(google.protobuf.message.Message):
 Global___NmeaSentence: typing_extensions.TypeAlias = NmeaSentence
 
 @typing.final
+class PpsEdge(google.protobuf.message.Message):
+    """One pulse per second."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    STAMP_FIELD_NUMBER: builtins.int
+    SEQUENCE_FIELD_NUMBER: builtins.int
+    sequence: builtins.int
+    """the kernel's count"""
+    @property
+    def stamp(self) -> Global___Stamp:
+        """realtime_ns of the edge, raw_ns after it"""
+
+    def __init__(
+        self,
+        *,
+        stamp: Global___Stamp | None = ...,
+        sequence: builtins.int = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["stamp", b"stamp"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["sequence", b"sequence", "stamp", b"stamp"]) -> None: ...
+
+Global___PpsEdge: typing_extensions.TypeAlias = PpsEdge
+
+@typing.final
 class ClockPair(google.protobuf.message.Message):
     """The machine's clocks read at one instant."""
 
