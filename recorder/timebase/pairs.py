@@ -15,6 +15,8 @@ SLEW_PPM = 1000
 that say more were taken before and after the clock was set."""
 OLDEST_NS = 1_000_000_000
 """A kernel stamp may lie so long before its arrival."""
+EDGE_NS = 20_000
+"""A stamp may seem so much after its arrival, or before the sample before it, by what brackets leave open."""
 GOOD_BRACKET_NS = 20_000
 """A bracket so tight need not be tried again."""
 
@@ -52,7 +54,7 @@ class Conversion:
 
     raw_ns: int
     error_ns: int
-    """It is not further off, if the clock was slewed by at most `SLEW_PPM`."""
+    """It is not further off."""
 
 
 Reading = Callable[[ClockPair], int]
@@ -136,7 +138,7 @@ class ClockHistory:
             if candidate is None:
                 continue
             bounded_ns = min(max(candidate.raw_ns, lower_ns), arrival_ns)
-            if abs(candidate.raw_ns - bounded_ns) <= candidate.error_ns:
+            if abs(candidate.raw_ns - bounded_ns) <= EDGE_NS:
                 found.append(Conversion(bounded_ns, candidate.error_ns))
         if not found:
             return None
@@ -182,13 +184,13 @@ def _is_step(older: ClockPair, newer: ClockPair, read: Reading) -> bool:
 
 
 def _between(older: ClockPair, newer: ClockPair, read: Reading, told_ns: int) -> Conversion | None:
-    """By the line through two pairs; None if the stamp is not between them."""
+    """By the line through two pairs; None if the stamp is not between them. However the clock ran in
+    between, and if it was set by so little that it could have been slewed, it is within the error."""
     if not read(older) <= told_ns < read(newer):
         return None
     elapsed_ns, ran_ns = newer.raw_ns - older.raw_ns, read(newer) - read(older)
     raw_ns = older.raw_ns + (told_ns - read(older)) * elapsed_ns // ran_ns
-    edge_ns = min(raw_ns - older.raw_ns, newer.raw_ns - raw_ns)
-    return Conversion(raw_ns, max(older.bracket_ns, newer.bracket_ns) // 2 + 2 * _slewed_ns(edge_ns) + 1)
+    return Conversion(raw_ns, (older.bracket_ns + newer.bracket_ns) // 2 + _slewed_ns(elapsed_ns) + 2)
 
 
 def _by_offset(pair: ClockPair, read: Reading, told_ns: int) -> Conversion:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from recorder.timebase.envelope import LowerEnvelope
+from recorder.timebase.lower_envelope import LowerEnvelope
 
 SECOND_NS = 1_000_000_000
 WINDOW_NS = 60 * SECOND_NS

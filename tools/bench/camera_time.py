@@ -60,6 +60,10 @@ AS_REQUIRED = (
 """Set by 100 days both ways, slewed by 500 ppm both ways."""
 
 
+_STEPPED = object()
+"""The thread that takes the pairs has been woken because the clock was set."""
+
+
 def solved_times(disturbances: Sequence[Disturbance], seconds: int, seed: int = 1) -> list[Stamp]:
     """The stamps of a camera's frames, recorded with a receiver while the wall clock is disturbed.
 
@@ -76,6 +80,9 @@ def solved_times(disturbances: Sequence[Disturbance], seconds: int, seed: int = 
         events.append((frame.arrival_ns, 0, frame))
     events += [(start_ns + half * SECOND_NS // 2, 1, None) for half in range(1, 2 * seconds)]
     events += [(start_ns + round(d.at_s * 1e9), 2, d) for d in disturbances]
+    for d in disturbances:
+        if d.set_ns:
+            events.append((start_ns + round(d.at_s * 1e9) + waking.randint(20_000, 1_000_000), 4, _STEPPED))
     for second in range(1, seconds):
         raw_ns = start_ns + second * SECOND_NS + random.randint(0, 50_000_000)
         events.append(
@@ -104,13 +111,10 @@ def solved_times(disturbances: Sequence[Disturbance], seconds: int, seed: int = 
             clock.set_wall(event.set_ns)
             if event.slew_ppm is not None:
                 clock.slew(event.slew_ppm)
-            if event.set_ns:
-                clock.advance(waking.randint(20_000, 1_000_000))
-                timebase.sample_pair(stepped=True)
         elif isinstance(event, Fix):
             timebase.observe(event)
         else:
-            timebase.sample_pair()
+            timebase.sample_pair(stepped=event is _STEPPED)
     return told
 
 
