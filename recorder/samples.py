@@ -150,8 +150,17 @@ class UtcTime:
     raw_ns: int
     utc_ns: int
     sigma_ns: int
+    """One standard deviation."""
     source: str
-    """"gnss"; more to come."""
+    """"pps": the receiver's pulse; "gnss": its sentences; "hold-over": neither just now."""
+    half_width_ns: int | None = None
+    """Of the 95 % interval, with what is still being corrected; None in drives that did not state it."""
+
+    @property
+    def interval_ns(self) -> tuple[int, int]:
+        """UTC is between these with 95 %."""
+        half_ns = self.sigma_ns * 196 // 100 if self.half_width_ns is None else self.half_width_ns
+        return self.utc_ns - half_ns, self.utc_ns + half_ns
 
 
 class LossCause(StrEnum):
