@@ -90,8 +90,18 @@ def _pair(value: Any, _raw_ns: int, _sequence: int) -> ClockPair:
 
 
 def _utc_message(utc: UtcTime, _times: Times) -> bytes:
-    message = pb.UtcTime(raw_ns=utc.raw_ns, utc_ns=utc.utc_ns, sigma_ns=utc.sigma_ns, source=utc.source)
-    return message.SerializeToString()
+    return pb.UtcTime(
+        raw_ns=utc.raw_ns,
+        utc_ns=utc.utc_ns,
+        sigma_ns=utc.sigma_ns,
+        source=utc.source,
+        half_width_ns=utc.half_width_ns,
+    ).SerializeToString()
+
+
+def _utc(value: Any, _raw_ns: int, _sequence: int) -> UtcTime:
+    half_width_ns = value.half_width_ns if value.HasField("half_width_ns") else None
+    return UtcTime(value.raw_ns, value.utc_ns, value.sigma_ns, value.source, half_width_ns)
 
 
 def _loss_message(loss: Loss, _times: Times) -> bytes:
@@ -182,12 +192,7 @@ KINDS: dict[type, Kind] = {
         _at("/gnss/fix"), LocationFix, _foxglove(foxglove.fix_message), _unnumbered(foxglove.fix_sample)
     ),
     ClockPair: Kind(_at("/clock/pairs"), pb.ClockPair, _pair_message, _pair),
-    UtcTime: Kind(
-        _at("/time/utc"),
-        pb.UtcTime,
-        _utc_message,
-        lambda v, _raw_ns, _sequence: UtcTime(v.raw_ns, v.utc_ns, v.sigma_ns, v.source),
-    ),
+    UtcTime: Kind(_at("/time/utc"), pb.UtcTime, _utc_message, _utc),
     Loss: Kind(_at("/loss"), pb.Loss, _loss_message, _loss),
     Health: Kind(_at("/health"), pb.Health, _health_message, _health),
     LogLine: Kind(_at("/log"), Log, _foxglove(foxglove.log_message), _unnumbered(foxglove.log_sample)),

@@ -243,10 +243,15 @@ class UtcTime(google.protobuf.message.Message):
     UTC_NS_FIELD_NUMBER: builtins.int
     SIGMA_NS_FIELD_NUMBER: builtins.int
     SOURCE_FIELD_NUMBER: builtins.int
+    HALF_WIDTH_NS_FIELD_NUMBER: builtins.int
     raw_ns: builtins.int
     utc_ns: builtins.int
     sigma_ns: builtins.int
+    """one standard deviation"""
     source: builtins.str
+    """pps, gnss, hold-over"""
+    half_width_ns: builtins.int
+    """true UTC is within utc_ns +- this with 95 %"""
     def __init__(
         self,
         *,
@@ -254,8 +259,11 @@ class UtcTime(google.protobuf.message.Message):
         utc_ns: builtins.int = ...,
         sigma_ns: builtins.int = ...,
         source: builtins.str = ...,
+        half_width_ns: builtins.int | None = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["raw_ns", b"raw_ns", "sigma_ns", b"sigma_ns", "source", b"source", "utc_ns", b"utc_ns"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_half_width_ns", b"_half_width_ns", "half_width_ns", b"half_width_ns"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_half_width_ns", b"_half_width_ns", "half_width_ns", b"half_width_ns", "raw_ns", b"raw_ns", "sigma_ns", b"sigma_ns", "source", b"source", "utc_ns", b"utc_ns"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["_half_width_ns", b"_half_width_ns"]) -> typing.Literal["half_width_ns"] | None: ...
 
 Global___UtcTime: typing_extensions.TypeAlias = UtcTime
 
