@@ -179,8 +179,33 @@ class UtcTime:
     raw_ns: int
     utc_ns: int
     sigma_ns: int
+    """One standard deviation."""
     source: str
-    """"gnss"; more to come."""
+    """"pps": the receiver's pulse; "gnss": its sentences; "hold-over": neither just now."""
+    half_width_ns: int | None = None
+    """Of the 95 % interval, with what is still being corrected; None in drives that did not state it."""
+
+    @property
+    def interval_ns(self) -> tuple[int, int]:
+        """UTC is between these with 95 %."""
+        half_ns = self.sigma_ns * 196 // 100 if self.half_width_ns is None else self.half_width_ns
+        return self.utc_ns - half_ns, self.utc_ns + half_ns
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """When a frame was exposed, solved again after the drive with all that is known of it."""
+
+    camera: str
+    id: int
+    raw_ns: int
+    """Of the frame, as it was recorded."""
+    exposure_raw_ns: int
+    """Raw time of the middle of its exposure."""
+    exposure_sigma_ns: int
+    utc_ns: int
+    """UTC of that instant."""
+    utc_sigma_ns: int
 
 
 class LossCause(StrEnum):
@@ -288,6 +313,7 @@ Record = (
     | PpsEdge
     | ClockPair
     | UtcTime
+    | FrameTime
     | Loss
     | Health
     | LogLine
@@ -300,6 +326,11 @@ Record = (
 def image_topic(camera: str) -> str:
     """The topic of a camera's frames."""
     return f"/camera/{camera}/image"
+
+
+def time_topic(camera: str) -> str:
+    """The topic of the times of a camera's frames, solved again."""
+    return f"/camera/{camera}/time"
 
 
 def preview_topic(camera: str) -> str:

@@ -298,10 +298,15 @@ class UtcTime(google.protobuf.message.Message):
     UTC_NS_FIELD_NUMBER: builtins.int
     SIGMA_NS_FIELD_NUMBER: builtins.int
     SOURCE_FIELD_NUMBER: builtins.int
+    HALF_WIDTH_NS_FIELD_NUMBER: builtins.int
     raw_ns: builtins.int
     utc_ns: builtins.int
     sigma_ns: builtins.int
+    """one standard deviation"""
     source: builtins.str
+    """pps, gnss, hold-over"""
+    half_width_ns: builtins.int
+    """true UTC is within utc_ns +- this with 95 %"""
     def __init__(
         self,
         *,
@@ -309,8 +314,11 @@ class UtcTime(google.protobuf.message.Message):
         utc_ns: builtins.int = ...,
         sigma_ns: builtins.int = ...,
         source: builtins.str = ...,
+        half_width_ns: builtins.int | None = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["raw_ns", b"raw_ns", "sigma_ns", b"sigma_ns", "source", b"source", "utc_ns", b"utc_ns"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_half_width_ns", b"_half_width_ns", "half_width_ns", b"half_width_ns"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_half_width_ns", b"_half_width_ns", "half_width_ns", b"half_width_ns", "raw_ns", b"raw_ns", "sigma_ns", b"sigma_ns", "source", b"source", "utc_ns", b"utc_ns"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["_half_width_ns", b"_half_width_ns"]) -> typing.Literal["half_width_ns"] | None: ...
 
 Global___UtcTime: typing_extensions.TypeAlias = UtcTime
 
@@ -326,6 +334,7 @@ class FrameTime(google.protobuf.message.Message):
     EXPOSURE_SIGMA_NS_FIELD_NUMBER: builtins.int
     UTC_NS_FIELD_NUMBER: builtins.int
     UTC_SIGMA_NS_FIELD_NUMBER: builtins.int
+    CAMERA_FIELD_NUMBER: builtins.int
     id: builtins.int
     """of the FelicsFrame"""
     raw_ns: builtins.int
@@ -337,6 +346,7 @@ class FrameTime(google.protobuf.message.Message):
     """UTC of exposure_raw_ns"""
     utc_sigma_ns: builtins.int
     """one standard deviation of utc_ns"""
+    camera: builtins.str
     def __init__(
         self,
         *,
@@ -346,9 +356,10 @@ class FrameTime(google.protobuf.message.Message):
         exposure_sigma_ns: builtins.int = ...,
         utc_ns: builtins.int | None = ...,
         utc_sigma_ns: builtins.int | None = ...,
+        camera: builtins.str = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "id", b"id", "raw_ns", b"raw_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "camera", b"camera", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "id", b"id", "raw_ns", b"raw_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_utc_ns", b"_utc_ns"]) -> typing.Literal["utc_ns"] | None: ...
     @typing.overload

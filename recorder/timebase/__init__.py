@@ -4,6 +4,7 @@ from recorder.timebase.camera_clock import CameraClock, CameraClockSettings, Exp
 from recorder.timebase.combined import CombinedTime
 from recorder.timebase.kernel_clock import wall_clock_error_ns
 from recorder.timebase.pairs import ClockHistory, Conversion, take_pair
+from recorder.timebase.solve import SolvedUtc, solve
 from recorder.timebase.timebase import Timebase
 from recorder.timebase.utc import UtcEstimate
 from recorder.timebase.wall_clock import ClockWatch, NoWatch, WallClockWatch, clock_watch
@@ -17,10 +18,12 @@ __all__ = [
     "Conversion",
     "Exposure",
     "NoWatch",
+    "SolvedUtc",
     "Timebase",
     "UtcEstimate",
     "WallClockWatch",
     "clock_watch",
+    "solve",
     "take_pair",
     "wall_clock_error_ns",
 ]

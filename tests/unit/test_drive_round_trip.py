@@ -68,7 +68,7 @@ SMALL: list[Record] = [
     FIX,
     NO_FIX,
     ClockPair(raw_ns(1), 2, 3, 4, 5),
-    UtcTime(raw_ns(1), UTC_NS, 300, "gnss"),
+    UtcTime(raw_ns(1), UTC_NS, 300, "gnss", 588),
     Loss("/gnss/raw", 5, 9, None, raw_ns(2), LossCause.DEVICE, "unplugged"),
     Health(raw_ns(1), "front", DeviceState.SILENT, "no packet", 17, 2),
     LogLine(raw_ns(1), "warning", "front", "no packet"),
@@ -130,6 +130,16 @@ def _classes(schema: Any) -> Any:
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
         pool.Add(file)
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+
+
+def test_a_drive_from_before_intervals_were_stated_gives_that_of_its_sigma(tmp_path: Path) -> None:
+    path = make_drive(tmp_path, [UtcTime(raw_ns(1), UTC_NS, 300, "gnss")])
+    with open_drive(path) as drive:
+        (message,) = drive.messages("/time/utc")
+    assert not message.value.HasField("half_width_ns")
+    assert isinstance(message.sample, UtcTime)
+    assert message.sample.half_width_ns is None
+    assert message.sample.interval_ns == (UTC_NS - 588, UTC_NS + 588)
 
 
 def test_the_reference_reader_reads_every_message(tmp_path: Path) -> None:
