@@ -3,7 +3,8 @@
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from math import isqrt
 from typing import Any, TypeVar
 
 import numpy as np
@@ -156,7 +157,7 @@ class _Job:
             recorded_ns = _or_none(int(row["utc"]))
             if recorded_ns is not None:
                 self._change_ns = max(self._change_ns or 0, abs(utc.utc_ns - recorded_ns))
-            together_ns = round((utc.sigma_ns**2 + sigma_ns**2) ** 0.5)
+            together_ns = isqrt(utc.sigma_ns**2 + sigma_ns**2)
             yield FrameTime(
                 camera=camera,
                 id=int(row["id"]),
@@ -225,7 +226,7 @@ def _exposures(settings: CameraClockSettings, rows: NDArray[np.void]) -> Iterato
     count = len(rows)
     solved = np.zeros((2, count, 2), np.int64)
     for direction, order in enumerate((range(count), range(count - 1, -1, -1))):
-        clock = CameraClock(settings, backwards=direction == 1)
+        clock = CameraClock(replace(settings, transfer_sigma_ns=0), backwards=direction == 1)
         for index in order:
             row = rows[index]
             ticks, exposure, period = (_or_none(int(row[n])) for n in ("ticks", "exposure", "period"))
@@ -235,7 +236,7 @@ def _exposures(settings: CameraClockSettings, rows: NDArray[np.void]) -> Iterato
         (before_ns, sigma_ns), (after_ns, other_ns) = solved[:, index].tolist()
         weight, other = other_ns**2, sigma_ns**2
         middle_ns = before_ns + (after_ns - before_ns) * other // max(1, weight + other)
-        yield middle_ns, min(sigma_ns, other_ns)
+        yield middle_ns, isqrt(min(sigma_ns, other_ns) ** 2 + settings.transfer_sigma_ns**2)
 
 
 def _every(first_ns: int, last_ns: int) -> Iterable[int]:

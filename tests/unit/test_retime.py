@@ -21,6 +21,7 @@ from recorder.storage import DriveHead, DriveWriter, export, inspect, open_drive
 
 SECOND_NS = 1_000_000_000
 MS_NS = 1_000_000
+DAY_NS = 86_400 * SECOND_NS
 START_NS = 1000 * SECOND_NS
 UTC_NS = 1_795_224_780 * SECOND_NS
 OFFSET_NS = UTC_NS - START_NS - 300 * MS_NS
@@ -68,12 +69,9 @@ def recorded(*, fixes: bool = True) -> Iterator[Record]:
             gps_ns = true_utc_ns(raw_ns) - 600 * MS_NS
             stamp = Stamp(arrival_ns, gps_ns=gps_ns, gps_raw_ns=arrival_ns)
             records.append((arrival_ns, Fix(stamp, valid=True, mode="A/A/1")))
-            online = UtcTime(arrival_ns, true_utc_ns(arrival_ns) + 30 * MS_NS, 300 * MS_NS, "gnss")
+            online = UtcTime(arrival_ns, true_utc_ns(arrival_ns) + 200 * MS_NS, 300 * MS_NS, "gnss")
             records.append((arrival_ns, online))
     return (record for _, record in sorted(records, key=lambda one: one[0]))
-
-
-DAY_NS = 86_400 * SECOND_NS
 
 
 def made(out: Path, records: Iterator[Record], *, close: bool = True) -> Path:
@@ -122,11 +120,11 @@ def test_the_solved_time_is_nearer_to_the_truth_than_the_recorded_also_in_an_out
             raw_ns = START_NS + second * SECOND_NS + 123
             told = opened.utc(raw_ns)
             assert told is not None
-            assert abs(told.utc_ns - true_utc_ns(raw_ns)) < 20 * MS_NS
+            assert abs(told.utc_ns - true_utc_ns(raw_ns)) < 60 * MS_NS
             low_ns, high_ns = told.interval_ns
             assert low_ns <= true_utc_ns(raw_ns) <= high_ns
     assert recorded_ns is not None
-    assert abs(recorded_ns.utc_ns - true_utc_ns(START_NS + 50 * SECOND_NS)) > 20 * MS_NS
+    assert abs(recorded_ns.utc_ns - true_utc_ns(START_NS + 50 * SECOND_NS)) > 150 * MS_NS
 
 
 def test_every_frame_gets_the_middle_of_its_exposure_by_the_frames_before_and_after(drive: Path) -> None:
@@ -146,7 +144,7 @@ def test_every_frame_gets_the_middle_of_its_exposure_by_the_frames_before_and_af
         for time, frame in zip(times, frames, strict=True)
     ]
     assert max(errors_ns) < 200_000  # at 10 Hz; from the very first frame on
-    assert len(solved) == SECONDS + (times[-1].raw_ns > START_NS + (SECONDS - 1) * SECOND_NS)  # type: ignore[union-attr]
+    assert SECONDS <= len(solved) <= SECONDS + 1
 
 
 def test_solving_again_replaces_the_result_and_gives_the_same(drive: Path) -> None:
@@ -192,11 +190,12 @@ def test_the_result_can_be_exported(drive: Path, tmp_path: Path) -> None:
 def test_another_drives_result_is_left_out_and_stated(drive: Path, tmp_path: Path) -> None:
     with open_drive(drive) as opened:
         retime(opened)
-    other = made(tmp_path / "other", recorded())
-    other = other.rename(other.parent / "0099")
+    made(tmp_path / "other", recorded())
+    other = made(tmp_path / "other", recorded())  # drive 0002
     (other / "retimed.mcap").write_bytes((drive / "retimed.mcap").read_bytes())
     with open_drive(other) as opened:
-        assert opened.problems == []  # both are drive 0001: the same name, so it cannot be told apart
+        assert any("belongs to drive" in line for line in opened.problems)
+        assert "/time/solved" not in opened.topics
     (drive / "retimed.mcap").write_bytes(
         b"no MCAP file at all, and long enough to be one, if it only were" * 3
     )
@@ -225,7 +224,7 @@ def test_one_segment_alone_and_a_foreign_drive_are_bad_input(drive: Path, tmp_pa
         writer.start()
         schema = writer.register_schema("s", "", b"")
         writer.add_message(writer.register_channel("/t", "", schema), 1, b"x", 1)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     with open_drive(foreign) as opened, pytest.raises(UsageError, match="not recorded by recorder"):
         retime(opened)
 
