@@ -81,7 +81,7 @@ def record(
     rate: Annotated[float | None, typer.Option(help="Frames a second.")] = None,
     exposure: Annotated[float | None, typer.Option(help="Exposure time, µs.")] = None,
     gain: Annotated[float | None, typer.Option(help="In the camera's units.")] = None,
-    baud: Annotated[int, typer.Option(help="Of a serial GNSS receiver.")] = 4800,
+    baud: Annotated[str, typer.Option(help="Of a serial GNSS receiver; auto finds out.")] = "auto",
     times: Annotated[Path | None, typer.Option(help="CSV with the times of a file's images.")] = None,
     json: Json = False,
 ) -> int:
@@ -105,7 +105,8 @@ def record(
         "camera": {name: {"source": s, **camera_values} for name, s in cameras.items()}
     }
     if receivers:
-        drivers["gnss"] = {"source": receivers[0], "baud": baud, "realtime": realtime or live}
+        rate_baud = int(baud) if baud.isdecimal() else baud
+        drivers["gnss"] = {"source": receivers[0], "baud": rate_baud, "realtime": realtime or live}
     settings = parse({"drivers": drivers, "storage": {"out": out}}, where="command line")
     outcome = record_one(settings, build_drivers(settings, clock=SYSTEM_CLOCK), seconds=seconds)
     print_failures(outcome)

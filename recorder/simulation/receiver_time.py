@@ -75,8 +75,8 @@ def receiver_drive(model: ReceiverModel, random: np.random.Generator) -> Receive
         level_ms += step_ms
         latency_ms[int(at_s) :] += step_ms
     changes_ppm = random.uniform(-model.temperature_ppm, model.temperature_ppm, count // TEMPERATURE_S + 1)
-    knots_ppm = random.uniform(-model.oscillator_ppm, model.oscillator_ppm)
-    knots_ppm += np.concatenate([[0.0], np.cumsum(changes_ppm)])
+    first_ppm = random.uniform(-model.oscillator_ppm, model.oscillator_ppm)
+    knots_ppm = first_ppm + np.concatenate([[0.0], np.cumsum(changes_ppm)])
     ppm = np.interp(np.arange(count), TEMPERATURE_S * np.arange(len(knots_ppm)), knots_ppm)
     drift_s = np.concatenate([[0.0], np.cumsum((ppm[1:] + ppm[:-1]) / 2)]) * 1e-6
     return ReceiverDrive(drift_s, np.maximum(latency_ms, 1.0) / 1000, delay_ms / 1000)

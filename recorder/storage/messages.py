@@ -20,6 +20,7 @@ from recorder.samples import (
     Loss,
     LossCause,
     NmeaSentence,
+    PpsEdge,
     Preview,
     Record,
     Scan,
@@ -74,6 +75,10 @@ def _nmea_message(sentence: NmeaSentence, _times: Times) -> bytes:
     return pb.NmeaSentence(stamp=stamp, data=sentence.data, problem=sentence.problem).SerializeToString()
 
 
+def _pps_message(edge: PpsEdge, _times: Times) -> bytes:
+    return pb.PpsEdge(stamp=stamp_to_proto(edge.stamp), sequence=edge.sequence).SerializeToString()
+
+
 def _pair_message(pair: ClockPair, times: Times) -> bytes:
     return pb.ClockPair(
         raw_ns=pair.raw_ns,
@@ -82,11 +87,15 @@ def _pair_message(pair: ClockPair, times: Times) -> bytes:
         boottime_ns=pair.boottime_ns,
         bracket_ns=pair.bracket_ns,
         log_offset_ns=times.log_offset_ns,
+        stepped=pair.stepped,
     ).SerializeToString()
 
 
 def _pair(value: Any, _raw_ns: int, _sequence: int) -> ClockPair:
-    return ClockPair(value.raw_ns, value.monotonic_ns, value.realtime_ns, value.boottime_ns, value.bracket_ns)
+    stepped = getattr(value, "stepped", False)  # older drives do not say
+    return ClockPair(
+        value.raw_ns, value.monotonic_ns, value.realtime_ns, value.boottime_ns, value.bracket_ns, stepped
+    )
 
 
 def _utc_message(utc: UtcTime, _times: Times) -> bytes:
@@ -190,6 +199,12 @@ KINDS: dict[type, Kind] = {
     ),
     Fix: Kind(
         _at("/gnss/fix"), LocationFix, _foxglove(foxglove.fix_message), _unnumbered(foxglove.fix_sample)
+    ),
+    PpsEdge: Kind(
+        _at("/gnss/pps"),
+        pb.PpsEdge,
+        _pps_message,
+        lambda v, _raw_ns, _sequence: PpsEdge(stamp_from_proto(v.stamp), v.sequence),
     ),
     ClockPair: Kind(_at("/clock/pairs"), pb.ClockPair, _pair_message, _pair),
     UtcTime: Kind(_at("/time/utc"), pb.UtcTime, _utc_message, _utc),

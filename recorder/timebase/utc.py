@@ -1,5 +1,7 @@
 """UTC from the receiver's fixes and pulses, with its uncertainty."""
 
+from math import sqrt
+
 from recorder.config import TimebaseSection
 from recorder.samples import Fix, UtcTime
 from recorder.timebase.arrivals import Arrivals, Envelope, fit
@@ -28,7 +30,7 @@ def utc_time(steered: Steered, raw_ns: int, source: str) -> UtcTime:
     sigma_ns = steered.line.sigma_ns(raw_ns)
     half_width_ns = round(NORMAL_95 * sigma_ns) + abs(steered.left_ns)
     return UtcTime(
-        raw_ns, steered.utc_ns, round((sigma_ns**2 + steered.left_ns**2) ** 0.5), source, half_width_ns
+        raw_ns, steered.utc_ns, round(sqrt(sigma_ns**2 + steered.left_ns**2)), source, half_width_ns
     )
 
 
@@ -50,7 +52,7 @@ class Delay:
         off_ns = pulses.utc_ns - envelope.utc_ns + envelope.raw_ns - pulses.raw_ns
         off_ns += (envelope.raw_ns - pulses.raw_ns) * pulses.rate_pico // 10**12
         self.ms += off_ns / MS_NS
-        self.sigma_ms = (pulses.sigma_ns(envelope.raw_ns) ** 2 + own_sigma_ns**2) ** 0.5 / MS_NS
+        self.sigma_ms = sqrt(pulses.sigma_ns(envelope.raw_ns) ** 2 + own_sigma_ns**2) / MS_NS
 
 
 class UtcEstimate:
@@ -140,7 +142,7 @@ class UtcEstimate:
         """Without the uncertainty of the delay, which the second's middle allows for itself."""
         sigma_ns = line.sigma_ns(raw_ns)
         delay_ns = self._delay.sigma_ms * MS_NS if line.source == "gnss" else 0.0
-        return max(0.0, sigma_ns**2 - delay_ns**2) ** 0.5
+        return sqrt(max(0.0, sigma_ns**2 - delay_ns**2))
 
 
 def envelope_line(envelope: Envelope, origin: tuple[int, int], delay: Delay, left_ms: float) -> Line:

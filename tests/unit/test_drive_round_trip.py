@@ -19,6 +19,7 @@ from recorder.samples import (
     Loss,
     LossCause,
     NmeaSentence,
+    PpsEdge,
     Preview,
     Record,
     Scan,
@@ -49,8 +50,10 @@ FIX = Fix(
     altitude_m=112.25,
     speed_m_s=27.7,
     course_deg=93.1,
+    dimensions=3,
+    leap_second=True,
 )
-NO_FIX = Fix(Stamp(raw_ns=raw_ns(2), gps_raw_ns=raw_ns(2)), valid=False, mode="V/N/0")
+NO_FIX = Fix(Stamp(raw_ns=raw_ns(2), gps_raw_ns=raw_ns(2)), valid=False, mode="V/N/0", problem="status V")
 SCAN = Scan(
     Stamp(raw_ns=raw_ns(1)),
     17,
@@ -70,6 +73,7 @@ SMALL: list[Record] = [
     Health(raw_ns(1), "front", DeviceState.SILENT, "no packet", 17, 2),
     LogLine(raw_ns(1), "warning", "front", "no packet"),
     CanMessage(Stamp(raw_ns=raw_ns(1), realtime_ns=8), "can0", 0x123, b"\x01\x02", is_extended=True),
+    PpsEdge(Stamp(raw_ns=raw_ns(1), realtime_ns=UTC_NS), 41),
 ]
 
 
@@ -161,6 +165,7 @@ def test_the_reference_reader_reads_every_message(tmp_path: Path) -> None:
         ("/camera/front/preview", "foxglove.CompressedImage"): 1,
         ("/gnss/raw", "recorder.NmeaSentence"): 1,
         ("/gnss/fix", "foxglove.LocationFix"): 2,
+        ("/gnss/pps", "recorder.PpsEdge"): 1,
         ("/clock/pairs", "recorder.ClockPair"): 1,
         ("/time/utc", "recorder.UtcTime"): 1,
         ("/loss", "recorder.Loss"): 1,
