@@ -8,6 +8,7 @@ be right.
 import json
 import re
 import tomllib
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -123,6 +124,9 @@ class TimebaseSection(Section):
     without PPS, so given. 0.1 to 1.1 s have been seen."""
     gnss_delay_sigma_ms: Annotated[int, Field(ge=1, le=5000)] = 300
     """One standard deviation of ``gnss_delay_ms``."""
+    not_before: Annotated[date, Field(strict=False)] = date(2025, 1, 1)
+    """No receiver's date before it is believed: it is a rolled-over week count or a factory setting. The
+    default is this program's age; a log that is replayed is believed whatever its date."""
 
 
 class CodecSection(Section):

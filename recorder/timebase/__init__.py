@@ -2,6 +2,7 @@
 
 from recorder.timebase.camera_clock import CameraClock, CameraClockSettings, Exposure
 from recorder.timebase.combined import CombinedTime
+from recorder.timebase.dates import Judgement, Verdict, judge
 from recorder.timebase.kernel_clock import wall_clock_error_ns
 from recorder.timebase.pairs import ClockHistory, Conversion, take_pair
 from recorder.timebase.solve import SolvedUtc, solve
@@ -17,12 +18,15 @@ __all__ = [
     "CombinedTime",
     "Conversion",
     "Exposure",
+    "Judgement",
     "NoWatch",
     "SolvedUtc",
     "Timebase",
     "UtcEstimate",
+    "Verdict",
     "WallClockWatch",
     "clock_watch",
+    "judge",
     "solve",
     "take_pair",
     "wall_clock_error_ns",

@@ -6,7 +6,7 @@ from math import sqrt
 
 from recorder.config import TimebaseSection
 from recorder.samples import Fix, UtcTime
-from recorder.timebase.envelope import Arrivals, Envelope, fit
+from recorder.timebase.arrivals import Arrivals, Envelope, fit
 
 NS_PER_MS = 1_000_000
 

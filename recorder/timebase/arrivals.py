@@ -23,6 +23,7 @@ LEVEL_SIGMA_MS = 8.0
 """How far the wobble blurs the size of a jump; so far a level may move in a gap and be the same."""
 GAP_S = 10.0
 """After so long without a fix the wobble may have gone anywhere, and the level may be another."""
+KEPT_WHOLE_STEPS = 16
 AGREEING = 3
 """As many fixes in a row make a level; fewer are outliers."""
 OSCILLATOR_PPM = 30.0
@@ -58,17 +59,29 @@ class Level:
     """How much earlier than on the level before, give or take ``LEVEL_SIGMA_MS``."""
 
 
+@dataclass(frozen=True, slots=True)
+class WholeStep:
+    """Full seconds by which the receiver corrected itself: what it had told before was wrong."""
+
+    t_s: float
+    seconds: int
+
+
 class Arrivals:
     """Fixes as they arrive, thinned to blocks and cut where the receiver's delay jumps.
 
+    A step of half a second or more is none of the delay: by its full seconds all that was told
+    before was wrong (leap seconds before the almanac is in, a date), and is corrected here.
+
     Holds at most ``kept`` blocks, and the levels that begin among them; ``left_ms`` is the sum of
-    the steps to levels that began before.
+    the steps to levels that began before. The line stands on the very first level.
     """
 
     def __init__(self, kept: int | None = None) -> None:
         self.blocks: deque[Block] = deque(maxlen=kept)
         self.levels: deque[Level] = deque()
         self.left_ms = 0.0
+        self.whole_steps: deque[WholeStep] = deque(maxlen=KEPT_WHOLE_STEPS)
         self._last: tuple[float, float] | None = None
         self._pending: list[tuple[float, float]] = []
         self._block_end_s = 0.0
@@ -78,10 +91,13 @@ class Arrivals:
         fix = (t_s, offset_ms)
         if self._last is None:
             return self._keep(fix, new=True)
-        if t_s - self._last[0] > GAP_S and not self._pending:
+        if t_s <= self._last[0]:
+            return False
+        step_ms = offset_ms - self._last[1]
+        if t_s - self._last[0] > GAP_S and abs(step_ms) < 500.0:
+            self._pending.clear()
             self.levels.append(Level(t_s, 0.0))
             return self._keep(fix, new=True)
-        step_ms = offset_ms - self._last[1]
         if abs(step_ms) <= JUMP_MS:
             self._pending.clear()
             return self._keep(fix, new=t_s >= self._block_end_s)
@@ -90,8 +106,15 @@ class Arrivals:
         self._pending.append(fix)
         if len(self._pending) < AGREEING:
             return False
-        self.levels.append(Level(self._pending[0][0], self._pending[0][1] - self._last[1]))
         pending, self._pending = self._pending, []
+        begin_s, step_ms = pending[0][0], pending[0][1] - self._last[1]
+        if seconds := round(step_ms / 1000):
+            self.whole_steps.append(WholeStep(begin_s, seconds))
+            moved = [Block(block.t_s, block.offset_ms + 1000.0 * seconds) for block in self.blocks]
+            self.blocks.clear()
+            self.blocks.extend(moved)
+        if abs(step_ms - 1000 * seconds) > JUMP_MS:
+            self.levels.append(Level(begin_s, step_ms - 1000 * seconds))
         for number, one in enumerate(pending):
             self._keep(one, new=number == 0)
         return True
@@ -132,10 +155,20 @@ class Envelope:
 
     def sigma(self, t_s: float) -> float:
         """One standard deviation at an instant, growing with the distance from the blocks."""
-        row = _row(t_s, self.knots_s)
         away_s = max(0.0, t_s - self.end_s, self.knots_s[0] - t_s)
         bend = BEND_PPM * MS_PER_S * sqrt(away_s**3 / 3 / BEND_S)
-        return sqrt(max(0.0, float(row @ self.covariance @ row)) + bend**2)
+        return sqrt(max(0.0, self.variances(t_s)[0]) + bend**2)
+
+    def variances(self, t_s: float) -> tuple[float, float, float]:
+        """Variance of the value, covariance of value and slope, variance of the slope."""
+        row = _row(t_s, self.knots_s)
+        slope = np.array([0.0, 1.0, *(float(knot < t_s) for knot in self.knots_s[1:])])
+        covariance = self.covariance
+        return (
+            float(row @ covariance @ row),
+            float(row @ covariance @ slope),
+            float(slope @ covariance @ slope),
+        )
 
 
 def fit(arrivals: Arrivals, iterations: int = 12) -> Envelope:
