@@ -111,7 +111,7 @@ def _draw(story: _Story, name: str) -> NDArray[np.uint8]:
     reach = float(np.percentile(half + abs(offset), 98)) if len(half) else 1.0
     if len(fixes):
         reach = max(reach, float(np.percentile(abs(fixes[:, 1]), 98)))
-    upper = _Panel(picture, _PANELS[0], (0, story.end_s), (-1.1 * reach, 1.1 * reach), "offset, ms")
+    upper = _Panel(picture, _PANELS[0], (0, story.end_s), (-1.1 * reach, 1.1 * reach), "UTC - raw time, ms")
     lower = _Panel(picture, _PANELS[1], (0, story.end_s), (0, 1.15 * float(half.max())), "95 %, +- ms")
     for begin_s, end_s in _outages(story):
         for panel in (upper, lower):
@@ -179,7 +179,7 @@ class _Panel:
 
     def dots(self, points: Points) -> None:
         for column, row in self._place(points):
-            cv2.circle(self._view, (int(column), int(row)), 2 << _SHIFT, _FIX, -1, cv2.LINE_AA, _SHIFT)
+            cv2.circle(self._view, (int(column), int(row)), 3 << _SHIFT, _FIX, -1, cv2.LINE_AA, _SHIFT)
 
     def mark(self, at: float) -> None:
         column = int(self._place(np.array([[at, 0.0]]))[0, 0] >> _SHIFT)

@@ -84,9 +84,10 @@ class _Job:
     def run(self) -> Retiming:
         drive = self._drive
         fixes = [one for one in self._samples("/gnss/fix") if isinstance(one, Fix)]
-        pulses = [one.stamp.raw_ns for one in self._samples("/gnss/pps") if isinstance(one, PpsEdge)]
+        edges = [one.stamp for one in self._samples("/gnss/pps") if isinstance(one, PpsEdge)]
+        pulses = [one.raw_ns for one in edges if one.raw_ns is not None and one.raw_error_ns is not None]
         settings = _known(TimebaseSection, drive.config.get("timebase"))
-        solved = solve(fixes, settings, pulses_raw_ns=[raw_ns for raw_ns in pulses if raw_ns is not None])
+        solved = solve(fixes, settings, pulses_raw_ns=pulses)
         if solved is None:
             what = "no valid fix in it, so its time cannot be solved"
             raise RecorderError(what, where=str(drive.path), todo="it stays as it was recorded")
