@@ -19,8 +19,12 @@ from recorder.samples import Fix, LogLine, NmeaSentence, PpsEdge, Stamp
 
 PORT = 2947
 CONNECT_S = 2.0
-SILENCE_S = 0.1
-"""After so long without a byte a burst has ended; gpsd hands on sentence by sentence."""
+POLL_S = 0.1
+SILENCE_NS = 300_000_000
+"""After so long without a line a burst has ended: gpsd hands on whole sentences, and one takes up to
+0.17 s at 4800 baud."""
+OLDEST_NS = 2_000_000_000
+"""A first byte cannot be longer ago when gpsd tells of it; what says so has had its clock set."""
 LONGEST_LINE = 1 << 16
 """Bytes; gpsd's own limit is 10240."""
 _NO_FIX = {5: "dead reckoning", 8: "simulated"}
@@ -34,7 +38,8 @@ class GpsdClient:
 
     Where gpsd hands on NMEA the fixes are read from that, as from a serial line: gpsd's own reports
     shift dates that it holds for wrong. They serve where the receiver speaks a binary protocol. A
-    report is recorded as a line with the problem "json".
+    report is recorded as a line with the problem "json". A sentence arrives here when it is whole;
+    where gpsd says when its first byte came (TOFF) it is stamped with that.
     """
 
     live = True
@@ -56,7 +61,7 @@ class GpsdClient:
             where = (address.hostname or "localhost", address.port or PORT)
             self._socket = socket.create_connection(where, timeout=CONNECT_S)
             self._socket.sendall(f"?WATCH={json.dumps(watch)};\n".encode())
-            self._socket.settimeout(SILENCE_S)
+            self._socket.settimeout(POLL_S)
         except OSError as error:
             self.close()
             what = f"no gpsd answers ({error.strerror or error})"
@@ -68,14 +73,14 @@ class GpsdClient:
     def samples(self) -> Iterator[Told | None]:
         """What gpsd says; None at least every 0.2 s. Raises `DeviceLost` if it ends the connection,
         `DeviceUnsuitable` if it is no gpsd."""
-        stream = _Stream(self.name)
+        stream = _Stream(self.name, self._clock)
         while True:
             data = self._receive()
             raw_ns = self._clock.raw_ns()
             if data == b"":
                 yield from stream.end()
                 raise DeviceLost("gpsd ended the connection", where=self._source, todo="look at its log")
-            told = stream.silence() if data is None else stream.feed(data, raw_ns)
+            told = stream.silence(raw_ns) if data is None else stream.feed(data, raw_ns)
             if stream.is_alien:
                 raise DeviceUnsuitable(
                     "it is no gpsd that answers there", where=self._source, todo="name gpsd's host and port"
@@ -118,9 +123,12 @@ class GpsdClient:
 class _Stream:
     """From what arrives on the socket to samples."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, name: str, clock: Clock) -> None:
+        self._name, self._clock = name, clock
         self._pending, self._pending_raw_ns = b"", 0
+        self._last_raw_ns = clock.raw_ns()
+        self._first_byte_raw_ns: int | None = None
+        self._dated: tuple[int | None, int] | None = None
         self._splitter, self._assembler = SentenceSplitter(), FixAssembler()
         self._assembler.interrupted()
         self._has_nmea = self._greeted = self.is_alien = False
@@ -131,6 +139,7 @@ class _Stream:
 
     def feed(self, data: bytes, raw_ns: int) -> list[Told]:
         told: list[Told] = []
+        self._last_raw_ns = raw_ns
         begun_ns = self._pending_raw_ns if self._pending else raw_ns
         *lines, self._pending = (self._pending + data).split(b"\n")
         for line in lines:
@@ -140,15 +149,18 @@ class _Stream:
         self.is_alien = self.is_alien or len(self._pending) > LONGEST_LINE
         return told
 
-    def silence(self) -> list[Told]:
-        fix = self._assembler.silence() if self._has_nmea else None
+    def silence(self, raw_ns: int) -> list[Told]:
+        """Nothing has come until now."""
+        ended = self._has_nmea and raw_ns - self._last_raw_ns >= SILENCE_NS
+        fix = self._assembler.silence() if ended else None
         return [] if fix is None else [fix]
 
     def end(self) -> list[Told]:
         """What is left when the connection has ended."""
         rest, self._pending = self._pending, b""
         told: list[Told] = [*self._splitter.feed(rest, self._pending_raw_ns), *self._splitter.flush()]
-        return told + self.silence()
+        fix = self._assembler.silence()
+        return told if fix is None else [*told, fix]
 
     def _line(self, line: bytes, begun_ns: int, raw_ns: int) -> list[Told]:
         report = _report(line)
@@ -156,7 +168,8 @@ class _Stream:
             return [NmeaSentence(Stamp(raw_ns=begun_ns), line, "json"), *self._read(report, begun_ns, raw_ns)]
         self.is_alien = not self._greeted
         told: list[Told] = []
-        for sentence in self._splitter.feed(line, begun_ns):
+        first_ns, self._first_byte_raw_ns = self._first_byte_raw_ns, None
+        for sentence in self._splitter.feed(line, begun_ns if first_ns is None else first_ns):
             self._has_nmea = self._has_nmea or parse(sentence) is not None
             fix = self._assembler.add(sentence)
             told += [sentence] if fix is None else [fix, sentence]
@@ -173,13 +186,12 @@ class _Stream:
             return self._devices(report.get("devices", [report]), raw_ns)
         if kind == "SKY":
             self._satellites, self._hdop = _number(report, "uSat", int), _number(report, "hdop", float)
-        elif kind == "PPS":
+        elif kind == "PPS" and (clock_ns := _clock_ns(report)) is not None:
             self._pulses += 1
-            at_ns = _number(report, "clock_sec", int), _number(report, "clock_nsec", int)
-            if at_ns[0] is not None and at_ns[1] is not None:
-                return [
-                    PpsEdge(Stamp(raw_ns=raw_ns, realtime_ns=at_ns[0] * SECOND_NS + at_ns[1]), self._pulses)
-                ]
+            return [PpsEdge(Stamp(raw_ns=raw_ns, realtime_ns=clock_ns), self._pulses)]
+        elif kind == "TOFF" and (clock_ns := _clock_ns(report)) is not None:
+            ago_ns = self._clock.realtime_ns() - clock_ns
+            self._first_byte_raw_ns = self._clock.raw_ns() - ago_ns if 0 <= ago_ns < OLDEST_NS else None
         elif kind == "ERROR":
             return [LogLine(raw_ns, "warning", self._name, f"gpsd says: {report.get('message', '')}")]
         elif kind == "TPV" and not self._has_nmea:
@@ -198,9 +210,11 @@ class _Stream:
         return [LogLine(raw_ns, "info", self._name, f"gpsd has {names}")]
 
     def _fix(self, report: dict[str, Any], begun_ns: int) -> Fix:
-        """A TPV. It is made at the end of a burst, so its arrival dates nothing."""
+        """A TPV; of several that tell the same time the first one's arrival counts."""
         mode, status = _number(report, "mode", int) or 0, _number(report, "status", int)
         gps_ns = _time(report.get("time"))
+        if self._dated is None or self._dated[0] != gps_ns:
+            self._dated = gps_ns, begun_ns
         problem = ""
         if mode < 2:
             problem = f"mode {mode}, no fix"
@@ -211,7 +225,7 @@ class _Stream:
         elif "lat" not in report or "lon" not in report:
             problem = "no position"
         return Fix(
-            stamp=Stamp(raw_ns=begun_ns, gps_ns=gps_ns),
+            stamp=Stamp(raw_ns=self._dated[1], gps_ns=gps_ns, gps_raw_ns=self._dated[1]),
             valid=not problem,
             mode=f"gpsd/{mode}/{'-' if status is None else status}",
             problem=problem,
@@ -234,6 +248,12 @@ def _report(line: bytes) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return report if isinstance(report, dict) else None
+
+
+def _clock_ns(report: dict[str, Any]) -> int | None:
+    """CLOCK_REALTIME that a report of a pulse or of a first byte tells."""
+    seconds, nanoseconds = _number(report, "clock_sec", int), _number(report, "clock_nsec", int)
+    return None if seconds is None or nanoseconds is None else seconds * SECOND_NS + nanoseconds
 
 
 def _number(report: dict[str, Any], key: str, kind: type[Any]) -> Any:

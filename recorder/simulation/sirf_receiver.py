@@ -16,6 +16,9 @@ COLD_BOOT_NS = 1_140_000_000 * SECOND_NS
 _NUMBERS = {0: "GGA", 1: "GLL", 2: "GSA", 3: "GSV", 4: "RMC", 5: "VTG", 6: "MSS", 8: "ZDA"}
 _GPS_EPOCH_NS = 315_964_800 * SECOND_NS
 _LEAP_S = 18
+_EQUATOR_M, _ECCENTRICITY_2 = 6_378_137.0, 0.00669437999014
+"""Of the ellipsoid WGS 84."""
+_HEIGHT_M = 540
 _SPEEDS = {getattr(termios, f"B{rate}"): rate for rate in (4800, 9600, 19200, 38400, 57600, 115200)}
 
 
@@ -186,11 +189,11 @@ def binary_burst(instant: Instant) -> list[bytes]:
     gps_ms = (instant.utc_ns - _GPS_EPOCH_NS) // 1_000_000 + _LEAP_S * 1000
     week, tow_ms = divmod(gps_ms, 7 * 86_400_000)
     latitude, longitude = math.radians(instant.latitude_deg), math.radians(instant.longitude_deg)
-    radius_m = 6_371_000.0
+    normal_m = _EQUATOR_M / math.sqrt(1 - _ECCENTRICITY_2 * math.sin(latitude) ** 2)
     place = (
-        round(radius_m * math.cos(latitude) * math.cos(longitude)),
-        round(radius_m * math.cos(latitude) * math.sin(longitude)),
-        round(radius_m * math.sin(latitude)),
+        round((normal_m + _HEIGHT_M) * math.cos(latitude) * math.cos(longitude)),
+        round((normal_m + _HEIGHT_M) * math.cos(latitude) * math.sin(longitude)),
+        round((normal_m * (1 - _ECCENTRICITY_2) + _HEIGHT_M) * math.sin(latitude)),
     )
     used = 8 if instant.fix else 0
     measured = struct.pack(
@@ -203,7 +206,7 @@ def binary_burst(instant: Instant) -> list[bytes]:
         ">BHHHIH4BHI4iB2H3h3IHiIi2I2H3B",
         41, 0 if instant.fix else 1, 4 if instant.fix else 0, week, tow_ms,
         when.year, when.month, when.day, when.hour, when.minute, millisecond, 0,
-        round(instant.latitude_deg * 1e7), round(instant.longitude_deg * 1e7), 54_000, 54_000, 21,
+        round(instant.latitude_deg * 1e7), round(instant.longitude_deg * 1e7), *[_HEIGHT_M * 100] * 2, 21,
         round(instant.speed_m_s * 100), round(instant.course_deg % 360 * 100), *[0] * 3,
         *[0] * 3, 0, *[0] * 5, 0, 0, used, 5, 0,
     )  # fmt: skip
