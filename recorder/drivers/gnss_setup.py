@@ -31,7 +31,7 @@ ANSWER_NS = 2_500_000_000
 LEAVING_NS = 200_000_000
 """After which what was written has left the adapter, too, and the rate may be changed."""
 TRIES = 3
-SETTLING, WATCHED = 2, 6
+SETTLING, WATCHED = 3, 6
 """Bursts let pass after a command, then watched: the BU-353 says GSV every fifth."""
 WATCH_NS = 15_000_000_000
 """The longest that a watch takes: a receiver may have been told to say nothing at all."""

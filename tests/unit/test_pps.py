@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -30,8 +31,9 @@ int main() {
     data.info.current_mode = 0x11;
     data.timeout.sec = 2;
     data.timeout.nsec = 150000000;
-    std::fprintf(stderr, "%zu %zu %lu %lu %lu %d %d\n", sizeof data, sizeof(pps_kparams), (unsigned long)PPS_FETCH,
-                 (unsigned long)PPS_GETCAP, (unsigned long)PPS_GETPARAMS, PPS_CAPTUREASSERT, PPS_CANWAIT);
+    unsigned long fetch = PPS_FETCH, capabilities = PPS_GETCAP, parameters = PPS_GETPARAMS;
+    std::fprintf(stderr, "%zu %zu %lu %lu %lu %d %d\n", sizeof data, sizeof(pps_kparams), fetch,
+                 capabilities, parameters, PPS_CAPTUREASSERT, PPS_CANWAIT);
     std::fwrite(&data, sizeof data, 1, stdout);
 }
 """
@@ -99,8 +101,8 @@ def test_edges_of_a_real_source_come_a_second_apart() -> None:
         if len(edges) == 3:
             break
     source.close()
-    steps = [b.sequence - a.sequence for a, b in zip(edges, edges[1:], strict=False)]
+    steps = [b.sequence - a.sequence for a, b in pairwise(edges)]
     assert steps == [1, 1]
-    for before, after in zip(edges, edges[1:], strict=False):
+    for before, after in pairwise(edges):
         step_ns = (after.stamp.realtime_ns or 0) - (before.stamp.realtime_ns or 0)
         assert abs(step_ns - 1_000_000_000) < 10_000_000
