@@ -24,7 +24,7 @@ FRAMING_ERRORS = 8
 """As many, counted by the kernel, and the rate is wrong."""
 BINARY_NS = 1_500_000_000
 """A receiver may mix binary frames with NMEA: so long is waited for some before it is refused."""
-GARBAGE_BYTES = 2048
+GARBAGE_BYTES = 1024
 """As many in a row in which nothing is sound, and the receiver has changed its rate or protocol."""
 ANSWER_NS = 2_500_000_000
 """In which a receiver that was told to speak NMEA does."""

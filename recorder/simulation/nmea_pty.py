@@ -16,6 +16,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 SECOND_NS = 1_000_000_000
 CHUNK_BYTES = 16
@@ -58,7 +59,7 @@ class NmeaPty:
         self._received, self._injected = bytearray(), bytearray()
         self._thread = threading.Thread(target=self._run, name="nmea-pty")
 
-    def __enter__(self) -> "NmeaPty":
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 
@@ -121,6 +122,9 @@ class NmeaPty:
         return spoilt(sentence) if self.spoil_checksums else sentence
 
     def _say(self, data: bytes) -> None:
+        self._put(data)
+
+    def _put(self, data: bytes) -> None:
         with suppress(BlockingIOError):  # nobody reads: lost, as on a serial line
             os.write(self._master, data)
 

@@ -96,7 +96,7 @@ class SirfReceiver(NmeaPty):
         return sentence if self.binary else super()._faulty(sentence)
 
     def _say(self, data: bytes) -> None:
-        super()._say(misread(data, self.baud, self._opened_baud()))
+        self._put(misread(data, self.baud, self._opened_baud()))
 
     def _hear(self, data: bytes) -> None:
         super()._hear(data)
