@@ -206,7 +206,7 @@ class ReceiverSetup:
         if not sound:
             what = f"its lines at {self.baud} baud have no sound checksums: recorded, not read"
             say = Say("warning", what)
-        self._commanded = 0
+        self._commanded, self.obeys, self._last_told = 0, None, ""
         return [say, *self._command(now_ns)]
 
     def _command(self, now_ns: int) -> list[Action]:
