@@ -103,7 +103,7 @@ class GnssReceiver:
             sentences: list[NmeaSentence] = []
             for data, raw_ns in reads:
                 for sentence in splitter.feed(data, raw_ns):
-                    fix = assembler.add(sentence) if dated else None
+                    fix = assembler.add(sentence, dated=dated)
                     told += [sentence] if fix is None else [fix, sentence]
                     sentences.append(sentence)
             if dated and not reads and (fix := assembler.silence()):
