@@ -192,6 +192,22 @@ class UtcTime:
         return self.utc_ns - half_ns, self.utc_ns + half_ns
 
 
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """When a frame was exposed, solved again after the drive with all that is known of it."""
+
+    camera: str
+    id: int
+    raw_ns: int
+    """Of the frame, as it was recorded."""
+    exposure_raw_ns: int
+    """Raw time of the middle of its exposure."""
+    exposure_sigma_ns: int
+    utc_ns: int
+    """UTC of that instant."""
+    utc_sigma_ns: int
+
+
 class LossCause(StrEnum):
     """Where a sample was lost."""
 
@@ -297,6 +313,7 @@ Record = (
     | PpsEdge
     | ClockPair
     | UtcTime
+    | FrameTime
     | Loss
     | Health
     | LogLine
@@ -309,6 +326,11 @@ Record = (
 def image_topic(camera: str) -> str:
     """The topic of a camera's frames."""
     return f"/camera/{camera}/image"
+
+
+def time_topic(camera: str) -> str:
+    """The topic of the times of a camera's frames, solved again."""
+    return f"/camera/{camera}/time"
 
 
 def preview_topic(camera: str) -> str:

@@ -66,12 +66,14 @@ def record(
         list[str],
         typer.Argument(
             metavar="SOURCE...",
-            help="Video files, image folders, .npy stacks, genicam://ADDRESS, or a serial device; the first"
-            " camera is called front, the second tag, or say front=SOURCE.",
+            help="Video files, image folders, .npy stacks, genicam://ADDRESS, a serial device, or"
+            " gpsd://HOST:PORT; the first camera is called front, the second tag, or say front=SOURCE.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="Parent folder of the drive.")],
-    nmea: Annotated[str | None, typer.Option(help="An NMEA log or a serial GNSS receiver.")] = None,
+    nmea: Annotated[
+        str | None, typer.Option(help="An NMEA log, a serial GNSS receiver, or gpsd://HOST:PORT.")
+    ] = None,
     realtime: Annotated[bool, typer.Option(help="Play files at their own pace.")] = False,
     seconds: Annotated[
         float | None,
@@ -198,14 +200,14 @@ def print_outcome(outcome: "Outcome", inspection: Any) -> None:
 def _sort_sources(sources: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     """Cameras by name, and GNSS receivers."""
     from recorder.config import CAMERA_NAMES
-    from recorder.service.build import is_serial
+    from recorder.service.build import is_receiver
 
     cameras: dict[str, str] = {}
     receivers: list[str] = []
     for source in sources:
         name, equals, rest = source.partition("=")
         named = bool(equals) and name.isidentifier() and not Path(source).exists()
-        if is_serial(source):
+        if is_receiver(source):
             receivers.append(source)
         elif named and name not in CAMERA_NAMES:
             known = ", ".join(CAMERA_NAMES)
@@ -220,9 +222,9 @@ def _sort_sources(sources: Sequence[str]) -> tuple[dict[str, str], list[str]]:
 
 
 def _has_live(sources: Sequence[str]) -> bool:
-    from recorder.service.build import is_serial
+    from recorder.service.build import is_receiver
 
-    return any(source.startswith("genicam:") or is_serial(source) for source in sources)
+    return any(source.startswith("genicam:") or is_receiver(source) for source in sources)
 
 
 def _data_topics(settings: "Settings") -> list[str]:

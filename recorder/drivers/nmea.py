@@ -242,8 +242,9 @@ class FixAssembler:
         self._lead_raw_ns: int | None = None
         self._date = _LastDate()
 
-    def add(self, sentence: NmeaSentence) -> Fix | None:
-        """Take a sentence; the fix of the burst that it ends, if it does."""
+    def add(self, sentence: NmeaSentence, *, dated: bool = True) -> Fix | None:
+        """Take a sentence; the fix of the burst that it ends, if it does. ``dated`` is False for one
+        that had waited before it was read: its stamp is not its arrival."""
         if sentence.problem or sentence.stamp.raw_ns is None:
             return None
         if self._after_silence:
@@ -253,7 +254,7 @@ class FixAssembler:
             return None
         ended = None
         if self._burst is None or not self._burst.takes(told):
-            ended, self._whole = self._end(), self._whole or self._burst is not None
+            ended, self._whole = self._end(), dated and (self._whole or self._burst is not None)
             lead_ns = self._lead_raw_ns
             self._burst = _Burst(sentence.stamp.raw_ns if lead_ns is None else lead_ns, whole=self._whole)
         self._burst.add(told)

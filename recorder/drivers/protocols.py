@@ -1,5 +1,6 @@
 """Binary protocols of GNSS receivers, told from their bytes: whole frames with sound checksums."""
 
+import re
 from collections import Counter
 from collections.abc import Callable
 
@@ -19,7 +20,8 @@ def recognise(data: bytes) -> Counter[str]:
     """
     found: Counter[str] = Counter()
     at = 0
-    while at < len(data):
+    while match := _LEADER.search(data, at):
+        at = match.start()
         for name, leader, frame in _PROTOCOLS:
             if data.startswith(leader, at) and (end := frame(data, at)) is not None:
                 found[name] += 1
@@ -190,3 +192,4 @@ _PROTOCOLS: tuple[tuple[str, bytes, Frame], ...] = (
     ("Garmin binary", b"\x10", _garmin),
     ("TSIP", b"\x10", _tsip),
 )
+_LEADER = re.compile(b"[%s]" % b"".join(re.escape(leader[:1]) for _, leader, _ in _PROTOCOLS))

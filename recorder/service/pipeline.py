@@ -13,7 +13,7 @@ from recorder.codec import Model, encode, train
 from recorder.config import Settings
 from recorder.errors import RecorderError, StorageError
 from recorder.realtime.preview import preview
-from recorder.samples import EncodedFrame, Fix, Frame, LogLine, Loss, LossCause, Record, Sample
+from recorder.samples import EncodedFrame, Fix, Frame, LogLine, Loss, LossCause, PpsEdge, Record, Sample
 from recorder.service.camera_timing import CameraTiming
 from recorder.service.queue import Entry, WriteQueue
 from recorder.storage import DriveWriter
@@ -50,6 +50,7 @@ class Pipeline:
         self._preview_due_ns: dict[str, int] = {}
         self._previewing: dict[str, Future[None]] = {}
         self._last_raw_ns: dict[str, int] = {}
+        self._date_told = ""
         self._timing = {name: CameraTiming(camera) for name, camera in settings.drivers.camera.items()}
         self._trained: dict[tuple[str, Model, int], tuple[int, bytes]] = {}
         self._counting = threading.Lock()
@@ -112,7 +113,12 @@ class Pipeline:
         utc = None
         if isinstance(sample, Fix):
             utc = self._timebase.observe(sample)
-            sample = replace(sample, stamp=self._timebase.complete(self._timebase.refine(sample.stamp)))
+            self._tell_of_date(sample)
+        if isinstance(sample, PpsEdge):
+            sample = replace(sample, stamp=self._timebase.refine(sample.stamp))
+            self._timebase.observe_pulse(sample)
+        if isinstance(sample, (Fix, PpsEdge)):
+            sample = replace(sample, stamp=self._timebase.complete(sample.stamp))
         self.put(sample, wait=not live)
         if utc is not None:
             self.put(utc, wait=not live)
@@ -134,6 +140,15 @@ class Pipeline:
             pending, self._refused = self._refused, {}
         for loss in pending.values():
             self._queue.put(partial(_itself, loss), _SMALL, wait=False, required=True)
+
+    def _tell_of_date(self, fix: Fix) -> None:
+        """Once, if the receiver's date is corrected or refused although it has a fix."""
+        judgement = self._timebase.judgement
+        reason = judgement.reason if judgement is not None and fix.valid else ""
+        if reason and reason != self._date_told:
+            self.put(LogLine(self._clock.raw_ns(), "warning", "gnss", reason))
+            _log.warning("gnss: %s", reason)
+        self._date_told = reason or self._date_told
 
     def _stamped(self, frame: Frame) -> Frame:
         """With its times complete. A camera's raw time goes forward, whatever a stamp says."""

@@ -15,6 +15,7 @@ from recorder.samples import (
     DeviceState,
     EncodedFrame,
     Fix,
+    FrameTime,
     Health,
     LogLine,
     Loss,
@@ -26,6 +27,7 @@ from recorder.samples import (
     Scan,
     UtcTime,
     preview_topic,
+    time_topic,
 )
 from recorder.storage import foxglove
 from recorder.storage import recorder_pb2 as pb
@@ -55,6 +57,9 @@ class Kind:
     @property
     def schema(self) -> str:
         return str(self.message.DESCRIPTOR.full_name)
+
+
+_FRAME_TIME = tuple(FrameTime.__dataclass_fields__)
 
 
 def _frame(value: Any, _raw_ns: int, _sequence: int) -> EncodedFrame:
@@ -111,6 +116,10 @@ def _utc_message(utc: UtcTime, _times: Times) -> bytes:
 def _utc(value: Any, _raw_ns: int, _sequence: int) -> UtcTime:
     half_width_ns = value.half_width_ns if value.HasField("half_width_ns") else None
     return UtcTime(value.raw_ns, value.utc_ns, value.sigma_ns, value.source, half_width_ns)
+
+
+def _frame_time_message(time: FrameTime, _times: Times) -> bytes:
+    return pb.FrameTime(**{name: getattr(time, name) for name in _FRAME_TIME}).SerializeToString()
 
 
 def _loss_message(loss: Loss, _times: Times) -> bytes:
@@ -208,6 +217,12 @@ KINDS: dict[type, Kind] = {
     ),
     ClockPair: Kind(_at("/clock/pairs"), pb.ClockPair, _pair_message, _pair),
     UtcTime: Kind(_at("/time/utc"), pb.UtcTime, _utc_message, _utc),
+    FrameTime: Kind(
+        lambda s: time_topic(s.camera),
+        pb.FrameTime,
+        _frame_time_message,
+        lambda v, _raw_ns, _sequence: FrameTime(**{name: getattr(v, name) for name in _FRAME_TIME}),
+    ),
     Loss: Kind(_at("/loss"), pb.Loss, _loss_message, _loss),
     Health: Kind(_at("/health"), pb.Health, _health_message, _health),
     LogLine: Kind(_at("/log"), Log, _foxglove(foxglove.log_message), _unnumbered(foxglove.log_sample)),
@@ -226,7 +241,7 @@ def raw_ns_of(record: Record) -> int | None:
     """The raw instant of a sample; None if nobody knows it, and for a `Loss`, which tells of others."""
     if isinstance(record, Loss):
         return None
-    if isinstance(record, (ClockPair, UtcTime, Health, LogLine)):
+    if isinstance(record, (ClockPair, UtcTime, FrameTime, Health, LogLine)):
         return record.raw_ns
     return record.stamp.raw_ns
 

@@ -334,6 +334,7 @@ class FrameTime(google.protobuf.message.Message):
     EXPOSURE_SIGMA_NS_FIELD_NUMBER: builtins.int
     UTC_NS_FIELD_NUMBER: builtins.int
     UTC_SIGMA_NS_FIELD_NUMBER: builtins.int
+    CAMERA_FIELD_NUMBER: builtins.int
     id: builtins.int
     """of the FelicsFrame"""
     raw_ns: builtins.int
@@ -341,10 +342,12 @@ class FrameTime(google.protobuf.message.Message):
     exposure_raw_ns: builtins.int
     """raw time of the middle of its exposure"""
     exposure_sigma_ns: builtins.int
+    """one standard deviation"""
     utc_ns: builtins.int
     """UTC of exposure_raw_ns"""
     utc_sigma_ns: builtins.int
-    """one standard deviation of utc_ns"""
+    """one standard deviation"""
+    camera: builtins.str
     def __init__(
         self,
         *,
@@ -352,15 +355,11 @@ class FrameTime(google.protobuf.message.Message):
         raw_ns: builtins.int = ...,
         exposure_raw_ns: builtins.int = ...,
         exposure_sigma_ns: builtins.int = ...,
-        utc_ns: builtins.int | None = ...,
-        utc_sigma_ns: builtins.int | None = ...,
+        utc_ns: builtins.int = ...,
+        utc_sigma_ns: builtins.int = ...,
+        camera: builtins.str = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "id", b"id", "raw_ns", b"raw_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
-    @typing.overload
-    def WhichOneof(self, oneof_group: typing.Literal["_utc_ns", b"_utc_ns"]) -> typing.Literal["utc_ns"] | None: ...
-    @typing.overload
-    def WhichOneof(self, oneof_group: typing.Literal["_utc_sigma_ns", b"_utc_sigma_ns"]) -> typing.Literal["utc_sigma_ns"] | None: ...
+    def ClearField(self, field_name: typing.Literal["camera", b"camera", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "id", b"id", "raw_ns", b"raw_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
 
 Global___FrameTime: typing_extensions.TypeAlias = FrameTime
 

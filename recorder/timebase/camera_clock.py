@@ -14,6 +14,7 @@ _RATE_PPT = 20_000_000_000
 """2 %: what a frame rate that a camera states or that a few frames tell may be off."""
 _GAP_NS = 2 * SECOND_NS
 """After so long without a frame the next ones need not fall into the old rhythm."""
+_UNKNOWN_DELAY_NS = SECOND_NS // 100
 _PERIODS = 15
 """Frame periods whose median is the camera's."""
 
@@ -68,17 +69,22 @@ class CameraClock:
     stand for exact ticks, as long as the camera runs freely.
 
     Cheap (some microseconds a frame) and bounded in memory. Not thread-safe.
+
+    Args:
+        backwards: frames are given from the last to the first, to solve them by what came after.
     """
 
-    def __init__(self, settings: CameraClockSettings) -> None:
+    def __init__(self, settings: CameraClockSettings, *, backwards: bool = False) -> None:
         self._settings = settings
+        self._direction = -1 if backwards else 1
         self._ticks = Tracker(drift_sigma_ppt=_CRYSTAL_PPT, keeps_drift=True)
-        self._comb = _Comb()
+        self._comb = _Comb(self._direction)
         self._wraps_ns = 0
         self._last: tuple[int, int, int] | None = None
         """Id, ticks and arrival of the last frame that had ticks."""
         self._periods: deque[int] = deque(maxlen=_PERIODS)
-        self._middle_ns: int | None = None
+        self._next_ns = 0
+        """No exposure is before the last one."""
 
     def observe(
         self,
@@ -105,7 +111,7 @@ class CameraClock:
             ticks_ns = self._unwrapped(ticks_ns, arrival_ns)
             skipped = self._skipped(id, ticks_ns)
             event_ns = ticks_ns + self._to_end(exposure_ns)
-            followed = self._ticks.follow(event_ns, arrival_ns - event_ns)
+            followed = self._ticks.follow(self._direction * event_ns, arrival_ns - event_ns)
             restarted, sigma_ns = followed.restarted, followed.sigma
             if settings.event == "transfer_end":
                 event_ns, jitter_ns, _ = self._comb.follow(id, event_ns, period_ns)
@@ -117,9 +123,9 @@ class CameraClock:
         middle_ns = min(end_ns, arrival_ns)
         if settings.event != "exposure_middle":
             middle_ns -= settings.transfer_ns + (exposure_ns or 0) // 2
-        if self._middle_ns is not None and middle_ns <= self._middle_ns:
-            middle_ns = self._middle_ns + 1
-        self._middle_ns = middle_ns
+        if self._direction > 0:
+            middle_ns = max(middle_ns, self._next_ns)
+            self._next_ns = middle_ns + 1
         sigma_ns = isqrt(sigma_ns**2 + settings.transfer_sigma_ns**2 + unknown_ns**2)
         return Exposure(middle_ns, sigma_ns, latency_ns, skipped, restarted)
 
@@ -160,7 +166,8 @@ class CameraClock:
 class _Comb:
     """Frame ids times a period as a clock: for a camera that runs freely and has no exact ticks."""
 
-    def __init__(self) -> None:
+    def __init__(self, direction: int) -> None:
+        self._direction = direction
         self._tracker = Tracker(drift_sigma_ppt=_RATE_PPT, keeps_drift=False, gap_ns=_GAP_NS)
         self._period_ns: int | None = None
         self._first: deque[tuple[int, int]] = deque(maxlen=_PERIODS)
@@ -170,9 +177,9 @@ class _Comb:
         if self._period_ns is None:
             self._period_ns = self._learned(id, time_ns, period_ns)
         if self._period_ns is None:
-            return time_ns, self._scatter(), len(self._first) == 1
+            return time_ns, _UNKNOWN_DELAY_NS, len(self._first) == 1
         x = id * self._period_ns
-        followed = self._tracker.follow(x, time_ns - x)
+        followed = self._tracker.follow(self._direction * x, time_ns - x)
         return x + followed.line, followed.sigma, followed.restarted
 
     def _learned(self, id: int, time_ns: int, stated_ns: int | None) -> int | None:
@@ -180,10 +187,8 @@ class _Comb:
         if stated_ns:
             return stated_ns
         self._first.append((id, time_ns))
-        (first_id, first_ns), (last_id, last_ns) = self._first[0], self._first[-1]
-        if len(self._first) < _PERIODS or last_id <= first_id or last_ns <= first_ns:
+        if len(self._first) < _PERIODS:
             return None
-        return (last_ns - first_ns) // (last_id - first_id)
-
-    def _scatter(self) -> int:
-        return SECOND_NS // 100
+        (first_id, first_ns), (last_id, last_ns) = self._first[0], self._first[-1]
+        steps, elapsed_ns = self._direction * (last_id - first_id), self._direction * (last_ns - first_ns)
+        return elapsed_ns // steps if min(steps, elapsed_ns) > 0 else None

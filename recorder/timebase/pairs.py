@@ -153,7 +153,9 @@ class ClockHistory:
         newer: ClockPair | None = None
         for older in reversed(self._pairs):
             if newer is None:
-                yield self._carried(older, read, told_ns, after=True), False
+                one = self._carried(older, read, told_ns, after=True)
+                # set by so little at the last that it does not tell: it may be from before
+                yield (one and replace(one, error_ns=one.error_ns + self._hidden_ns())), False
             elif _is_step(older, newer, read):
                 for pair in (newer, older):
                     one = _by_offset(pair, read, told_ns)
@@ -167,6 +169,13 @@ class ClockHistory:
         if newer is not None:
             yield self._carried(newer, read, told_ns, after=False), False
 
+    def _hidden_ns(self) -> int:
+        """By how much a clock may have been set between the last two pairs without their telling."""
+        if len(self._pairs) < 2:
+            return 0
+        older, newer = self._pairs[-2], self._pairs[-1]
+        return _slewed_ns(newer.raw_ns - older.raw_ns) + (older.bracket_ns + newer.bracket_ns) // 2 + 1
+
     @staticmethod
     def _carried(pair: ClockPair, read: Reading, told_ns: int, *, after: bool) -> Conversion | None:
         """Beyond one end of the history."""
@@ -179,7 +188,7 @@ def _is_step(older: ClockPair, newer: ClockPair, read: Reading) -> bool:
     if newer.stepped and read is _realtime:
         return True
     elapsed_ns = newer.raw_ns - older.raw_ns
-    moved_ns = abs(read(newer) - read(older) - elapsed_ns)
+    moved_ns = abs(read(newer) - read(older) - elapsed_ns)  # as `_hidden_ns`
     return moved_ns > _slewed_ns(elapsed_ns) + (older.bracket_ns + newer.bracket_ns) // 2 + 1
 
 

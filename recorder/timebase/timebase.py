@@ -7,8 +7,9 @@ from typing import Any
 
 from recorder.clock import SYSTEM_CLOCK, Clock
 from recorder.config import TimebaseSection
-from recorder.samples import ClockPair, Fix, Stamp, UtcTime
+from recorder.samples import ClockPair, Fix, PpsEdge, Stamp, UtcTime
 from recorder.timebase.combined import CombinedTime
+from recorder.timebase.dates import Judgement
 from recorder.timebase.pairs import GOOD_BRACKET_NS, ClockHistory, Conversion, take_pair
 from recorder.timebase.utc import UtcEstimate
 
@@ -16,7 +17,9 @@ from recorder.timebase.utc import UtcEstimate
 class Timebase:
     """All that is known of time, for all threads: one lock, held for some microseconds a call."""
 
-    def __init__(self, settings: TimebaseSection, clock: Clock = SYSTEM_CLOCK) -> None:
+    def __init__(
+        self, settings: TimebaseSection, clock: Clock = SYSTEM_CLOCK, *, not_before_ns: int = 0
+    ) -> None:
         self._clock = clock
         self._lock = Lock()
         self._history = ClockHistory()
@@ -24,7 +27,9 @@ class Timebase:
         """The wall clock was set since the last pair that is recorded."""
         self._steps = self._pairs = 0
         self._latest: ClockPair | None = None
-        self._utc = UtcEstimate(settings)
+        self._utc = UtcEstimate(settings, not_before_ns=not_before_ns)
+        self.judgement: Judgement | None = None
+        """What became of the time of the last fix."""
         self._combined: CombinedTime | None = None
         self._told: Fix | None = None
         self._valid: Fix | None = None
@@ -46,12 +51,21 @@ class Timebase:
     def observe(self, fix: Fix) -> UtcTime | None:
         """Take a fix; UTC at the arrival of its burst, None before the first valid one."""
         with self._lock:
-            self._utc.observe(fix)
+            self.judgement = self._utc.observe(fix)
             if fix.stamp.gps_ns is not None:
                 self._told = fix
                 self._valid = fix if fix.valid else self._valid
             raw_ns = fix.stamp.gps_raw_ns if fix.stamp.gps_raw_ns is not None else fix.stamp.raw_ns
             return None if raw_ns is None else self._utc.at(raw_ns)
+
+    def observe_pulse(self, edge: PpsEdge) -> bool:
+        """Take an edge of the receiver's pulse, its stamp refined; whether it is believed. One whose
+        kernel stamp could not be converted is not."""
+        raw_ns = edge.stamp.raw_ns
+        if raw_ns is None or edge.stamp.raw_error_ns is None:
+            return False
+        with self._lock:
+            return self._utc.observe_pulse(raw_ns)
 
     def refine(self, stamp: Stamp, *, after_ns: int | None = None) -> Stamp:
         """With ``raw_ns`` of the kernel's stamp and its error, where there is one that can be true.
