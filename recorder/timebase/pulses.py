@@ -3,7 +3,9 @@
 from recorder.timebase.steering import BEND_NS2_PER_S3, PICO, SECOND_NS, Line
 
 PULSE_SIGMA_NS = 10_000.0
-"""How far the kernel's stamp of a pulse is off: the interrupt comes some microseconds late."""
+"""How far the kernel's stamp of one pulse is off: the interrupt comes sooner or later."""
+LATE_SIGMA_NS = 15_000.0
+"""How late all of them may be: that is not seen, and not taken off."""
 RATE_SIGMA = 30_000.0
 """Of the oscillator before anything is known, ns/s."""
 OUTLIER_SIGMAS = 5.0
@@ -14,15 +16,11 @@ BELIEVED = 5
 class PulseClock:
     """Kalman filter of offset and rate over pulses whose second is known. Not thread-safe."""
 
-    def __init__(self) -> None:
+    def __init__(self, late_sigma_ns: float = LATE_SIGMA_NS) -> None:
+        self._late_variance = late_sigma_ns**2
         self._raw_ns: int | None = None
         self._outliers = 0
         self._restart(0, 0)
-
-    @property
-    def heard_raw_ns(self) -> int | None:
-        """When the last pulse that fitted came."""
-        return self._raw_ns
 
     def _restart(self, raw_ns: int, utc_ns: int) -> None:
         self._utc_ns, self._beside_ns, self._rate = utc_ns, 0.0, 0.0
@@ -70,7 +68,7 @@ class PulseClock:
         """From the last pulse on; None before the first."""
         if self._raw_ns is None:
             return None
-        variance = self._variance + PULSE_SIGMA_NS**2  # the interrupt's mean latency is not seen
+        variance = self._variance + self._late_variance
         rate_pico = round(self._rate * 1000)
         return Line(
             self._raw_ns, self._utc_ns, rate_pico, variance, self._covariance, self._rate_variance, "pps"

@@ -3,6 +3,7 @@
 from collections import deque
 from dataclasses import dataclass
 from math import sqrt
+from typing import NamedTuple
 
 PICO = 10**12
 MS_NS = 1_000_000
@@ -67,8 +68,7 @@ class _Segment:
         return left if self.ahead_ns > 0 else -left
 
 
-@dataclass(frozen=True, slots=True)
-class Steered:
+class Steered(NamedTuple):
     """An answer."""
 
     utc_ns: int

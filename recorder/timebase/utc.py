@@ -119,15 +119,18 @@ class UtcEstimate:
         return "hold-over" if raw_ns - self._heard_raw_ns > HOLD_OVER_NS else steered.line.source
 
     def _fit(self) -> None:
-        assert self._origin is not None
         envelope = fit(self._arrivals)
-        self._envelope = envelope_line(envelope, self._origin, self._delay, self._arrivals.left_ms)
+        self._envelope = self._line(envelope)
         pulses = self._pulses.line()
         if pulses is not None and abs(self._envelope.raw_ns - pulses.raw_ns) <= MEASURED_NS:
             own_sigma_ns = self._own_sigma_ns(self._envelope, self._envelope.raw_ns)
             self._delay.measure(pulses, self._envelope, own_sigma_ns)
-            self._envelope = envelope_line(envelope, self._origin, self._delay, self._arrivals.left_ms)
+            self._envelope = self._line(envelope)
         self._follow(self._envelope.raw_ns)
+
+    def _line(self, envelope: Envelope) -> Line:
+        assert self._origin is not None
+        return envelope_line(envelope, self._origin, self._delay, self._arrivals.left_ms, envelope.end_s)
 
     def _follow(self, raw_ns: int) -> None:
         best = self._best(raw_ns)
@@ -145,9 +148,10 @@ class UtcEstimate:
         return sqrt(max(0.0, sigma_ns**2 - delay_ns**2))
 
 
-def envelope_line(envelope: Envelope, origin: tuple[int, int], delay: Delay, left_ms: float) -> Line:
-    """The line by fixes at the last of them; ``origin`` is the first one's raw instant and offset."""
-    t_s = envelope.end_s
+def envelope_line(
+    envelope: Envelope, origin: tuple[int, int], delay: Delay, left_ms: float, t_s: float
+) -> Line:
+    """The line by fixes near an instant; ``origin`` is the first one's raw instant and offset."""
     raw_ns = origin[0] + round(t_s * 1e9)
     offset_ms = envelope.at(t_s) - left_ms + delay.ms
     variance, covariance, rate_variance = (one * MS_NS**2 for one in envelope.variances(t_s))
