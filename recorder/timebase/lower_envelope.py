@@ -42,13 +42,10 @@ class LowerEnvelope:
         self._chunks: deque[_Chunk] = deque(maxlen=chunks)
         self._prior = drift_ppt, drift_sigma_ppt
         self._line: Line | None = None
-        self._solved_count = self._since = 0
-        """Points when it was solved last, and points since."""
-
-    @property
-    def count(self) -> int:
+        self.count = 0
         """Points in the window."""
-        return sum(chunk.count for chunk in self._chunks)
+        self._spread = self._solved_count = self._since = 0
+        """Points when it was solved last, and points since."""
 
     @property
     def span(self) -> int:
@@ -58,9 +55,12 @@ class LowerEnvelope:
     def add(self, x: int, y: int) -> None:
         """Take a point; the line is then under it too."""
         if not self._chunks or x - self._chunks[-1].begin >= self._chunk:
+            if len(self._chunks) == self._chunks.maxlen:
+                self.count -= self._chunks[0].count
             self._chunks.append(_Chunk(x))
             self._line = None
         self._chunks[-1].add((x, y))
+        self.count += 1
         self._since += 1
         if self._line is not None and (y < self._line.at(x) or self._since > self._solved_count // 10):
             self._line = None
@@ -69,13 +69,15 @@ class LowerEnvelope:
         """The line; there must be a point. Solved again only if points came that may change it."""
         if self._line is None:
             self._line = self._solved()
+            mean_x, mean_y = self._mean()
+            self._spread = max(0, mean_y - self._line.at(mean_x))
             self._solved_count, self._since = self.count, 0
         return self._line
 
     def spread(self) -> int:
-        """Mean height of the points above the line."""
-        mean_x, mean_y = self._mean()
-        return max(0, mean_y - self.line().at(mean_x))
+        """Mean height of the points above the line, when it was solved last."""
+        self.line()
+        return self._spread
 
     def _mean(self) -> Point:
         count = self.count
