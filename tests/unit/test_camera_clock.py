@@ -198,3 +198,12 @@ def test_a_frame_costs_little() -> None:
     for frame in frames:
         clock.observe(frame.id, frame.ticks_ns, frame.arrival_ns, frame.exposure_ns)
     assert (time.process_time() - began) / len(frames) < 100e-6  # some 10 us on an idle machine
+
+
+@pytest.mark.parametrize(
+    "key", [{"stamp_event": "exposure_start"}, {"transfer_us": 5}, {"stamp_wrap_s": 2.0}]
+)
+def test_what_tells_of_a_cameras_stamps_cannot_be_set_for_a_file(key: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="cannot be set for a file"):
+        CameraSection.model_validate({"source": "ride.mp4"} | key)
+    assert CameraClockSettings.of(CameraSection.model_validate({"source": "genicam://"} | key))
