@@ -126,7 +126,12 @@ class TimebaseSection(Section):
     """One standard deviation of ``gnss_delay_ms``."""
     not_before: Annotated[date, Field(strict=False)] = date(2025, 1, 1)
     """No receiver's date before it is believed: it is a rolled-over week count or a factory setting. The
-    default is this program's age; a log that is replayed is believed whatever its date."""
+    default is this program's age; 1970-01-01 believes every date, as for a log that is replayed."""
+
+    @property
+    def believing_every_date(self) -> "TimebaseSection":
+        """The same for a log that is replayed."""
+        return self.model_copy(update={"not_before": date(1970, 1, 1)})
 
 
 class CodecSection(Section):

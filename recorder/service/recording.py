@@ -17,6 +17,7 @@ from recorder.config import Settings
 from recorder.drivers.base import Driver
 from recorder.errors import RecorderError, SourceError
 from recorder.samples import DeviceState, Health, LogLine, Sample
+from recorder.service.build import is_receiver
 from recorder.service.clock_pairs import ClockPairs
 from recorder.service.housekeeping import Chore, Housekeeping
 from recorder.service.notify import notify, watchdog_period_s
@@ -71,6 +72,9 @@ class Recording:
         clock: Clock = SYSTEM_CLOCK,
         watch: ClockWatch | None = None,
     ) -> None:
+        gnss = settings.drivers.gnss
+        if gnss is not None and not is_receiver(gnss.source):
+            settings = settings.model_copy(update={"timebase": settings.timebase.believing_every_date})
         self._settings = settings
         self._one_shot = one_shot
         self._clock = clock

@@ -29,6 +29,8 @@ STEP_NS = 1_000_000_000
 """UTC is told as often; straight in between it is exact to nanoseconds."""
 _FRAME = np.dtype([(name, "i8") for name in ("id", "raw", "ticks", "exposure", "period", "utc")])
 _Section = TypeVar("_Section", TimebaseSection, CameraSection)
+_EVERY_DATE = {"not_before": "1970-01-01"}
+"""Of drives from before the earliest date was configured."""
 _NONE = np.iinfo(np.int64).min
 
 
@@ -86,7 +88,7 @@ class _Job:
         fixes = [one for one in self._samples("/gnss/fix") if isinstance(one, Fix)]
         edges = [one.stamp for one in self._samples("/gnss/pps") if isinstance(one, PpsEdge)]
         pulses = [one.raw_ns for one in edges if one.raw_ns is not None and one.raw_error_ns is not None]
-        settings = _known(TimebaseSection, drive.config.get("timebase"))
+        settings = _known(TimebaseSection, _EVERY_DATE | (drive.config.get("timebase") or {}))
         solved = solve(fixes, settings, pulses_raw_ns=pulses)
         if solved is None:
             what = "no valid fix in it, so its time cannot be solved"

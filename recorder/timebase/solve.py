@@ -8,7 +8,7 @@ from math import sqrt
 from recorder.config import TimebaseSection
 from recorder.samples import Fix, UtcTime
 from recorder.timebase.arrivals import Arrivals, Envelope, fit
-from recorder.timebase.dates import is_leap_second, judge
+from recorder.timebase.dates import day_ns, is_leap_second, judge
 from recorder.timebase.pulses import LATE_SIGMA_NS, PulseClock, nearest_second
 from recorder.timebase.steering import MS_NS, PICO, SECOND_NS, Line
 from recorder.timebase.utc import (
@@ -79,20 +79,18 @@ def solve(
     settings: TimebaseSection,
     *,
     pulses_raw_ns: Iterable[int] = (),
-    not_before_ns: int = 0,
 ) -> SolvedUtc | None:
     """Solve UTC again from all fixes of a drive; None if none of them can be trusted.
 
     Args:
         fixes: in order of arrival; those that `judge` refuses are passed over.
-        settings: the receiver's delay and its uncertainty.
+        settings: the receiver's delay and its uncertainty, and the earliest date to be believed.
         pulses_raw_ns: raw instants of the receiver's pulse (PPS), in order; empty without.
-        not_before_ns: Unix-like; a receiver's date before it is wrong (see `judge`).
     """
     arrivals, heard = Arrivals(), list[int]()
     origin: tuple[int, int] | None = None
     for one in fixes:
-        gps_ns, raw_ns = judge(one, not_before_ns).gps_ns, one.stamp.gps_raw_ns
+        gps_ns, raw_ns = judge(one, day_ns(settings.not_before)).gps_ns, one.stamp.gps_raw_ns
         if gps_ns is None or raw_ns is None:
             continue
         origin = origin or (raw_ns, gps_ns - raw_ns)

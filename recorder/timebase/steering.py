@@ -80,7 +80,7 @@ class Steered(NamedTuple):
 class Steering:
     """Follows ever better lines without a step back, in whatever order instants are asked for.
 
-    A new line counts from the latest instant asked for so far, and is reached from there by going
+    A new line counts after the latest instant asked for so far, and is reached from there by going
     up to a tenth faster or slower. Only a wrong date is left at one step. Integers throughout: the
     rates sum to more than zero before the one rounding, so a later instant never gets an earlier
     time. Not thread-safe.
@@ -92,11 +92,11 @@ class Steering:
 
     def follow(self, line: Line) -> None:
         """Take a new line."""
-        from_ns = self._asked_raw_ns
-        if not self._segments or from_ns is None:
+        if not self._segments or self._asked_raw_ns is None:
             self._segments.clear()
             self._segments.append(_Segment(line, None, 0, 0))
             return
+        from_ns = self._asked_raw_ns + 1
         former = self._segments[-1]
         ahead_ns = self._answer(former, from_ns).utc_ns - line.pico(from_ns) // PICO
         if ahead_ns < -STEP_AHEAD_NS or ahead_ns > WRONG_DATE_NS:

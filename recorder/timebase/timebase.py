@@ -17,9 +17,7 @@ from recorder.timebase.utc import UtcEstimate
 class Timebase:
     """All that is known of time, for all threads: one lock, held for some microseconds a call."""
 
-    def __init__(
-        self, settings: TimebaseSection, clock: Clock = SYSTEM_CLOCK, *, not_before_ns: int = 0
-    ) -> None:
+    def __init__(self, settings: TimebaseSection, clock: Clock = SYSTEM_CLOCK) -> None:
         self._clock = clock
         self._lock = Lock()
         self._history = ClockHistory()
@@ -27,7 +25,7 @@ class Timebase:
         """The wall clock was set since the last pair that is recorded."""
         self._steps = self._pairs = 0
         self._latest: ClockPair | None = None
-        self._utc = UtcEstimate(settings, not_before_ns=not_before_ns)
+        self._utc = UtcEstimate(settings)
         self.judgement: Judgement | None = None
         """What became of the time of the last fix."""
         self._combined: CombinedTime | None = None
@@ -116,8 +114,8 @@ class Timebase:
             )
 
     def status(self) -> dict[str, Any]:
-        """For ``recorder status``: ``source``, ``utc_ns``, ``utc_sigma_ns``, ``fix_age_ns``, ``fix_valid``,
-        ``pairs``, ``bracket_ns``, ``clock_steps``; what is not known is None."""
+        """For ``recorder status``: ``source``, ``utc_ns``, ``utc_sigma_ns``,
+        ``utc_half_width_ns``, ``fix_age_ns``, ``fix_valid``, ``pairs``, ``bracket_ns``, ``clock_steps``; what is not known is None."""
         raw_ns = self._clock.raw_ns()
         with self._lock:
             utc, told, latest = self._utc.peek(raw_ns), self._told, self._latest
@@ -126,6 +124,7 @@ class Timebase:
                 "source": utc.source if utc else None,
                 "utc_ns": utc.utc_ns if utc else None,
                 "utc_sigma_ns": utc.sigma_ns if utc else None,
+                "utc_half_width_ns": utc.half_width_ns if utc else None,
                 "fix_age_ns": None if arrival_ns is None else raw_ns - arrival_ns,
                 "fix_valid": told.valid if told else None,
                 "pairs": self._pairs,

@@ -5,7 +5,7 @@ from math import sqrt
 from recorder.config import TimebaseSection
 from recorder.samples import Fix, UtcTime
 from recorder.timebase.arrivals import Arrivals, Envelope, fit
-from recorder.timebase.dates import Judgement, judge
+from recorder.timebase.dates import Judgement, day_ns, judge
 from recorder.timebase.pulses import PulseClock, nearest_second
 from recorder.timebase.steering import MS_NS, SECOND_NS, Line, Steered, Steering
 
@@ -62,8 +62,8 @@ class UtcEstimate:
     millisecond for the line. Not thread-safe.
     """
 
-    def __init__(self, settings: TimebaseSection, *, not_before_ns: int = 0) -> None:
-        self._not_before_ns = not_before_ns
+    def __init__(self, settings: TimebaseSection) -> None:
+        self._not_before_ns = day_ns(settings.not_before)
         self._delay = Delay(settings)
         self._arrivals = Arrivals(KEPT_BLOCKS)
         self._pulses = PulseClock()
