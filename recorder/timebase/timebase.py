@@ -114,8 +114,11 @@ class Timebase:
             )
 
     def status(self) -> dict[str, Any]:
-        """For ``recorder status``: ``source``, ``utc_ns``, ``utc_sigma_ns``,
-        ``utc_half_width_ns``, ``fix_age_ns``, ``fix_valid``, ``pairs``, ``bracket_ns``, ``clock_steps``; what is not known is None."""
+        """For ``recorder status``; what is not known is None.
+
+        Keys: ``source``, ``utc_ns``, ``utc_sigma_ns``, ``utc_half_width_ns``, ``fix_age_ns``, ``fix_valid``,
+        ``pairs``, ``bracket_ns``, ``clock_steps``.
+        """
         raw_ns = self._clock.raw_ns()
         with self._lock:
             utc, told, latest = self._utc.peek(raw_ns), self._told, self._latest

@@ -97,8 +97,8 @@ def main() -> None:
     """All benches, in the order of their names; options are handed on to each."""
     parts = [HEAD]
     for bench in sorted(Path(__file__).parent.glob("*.py")):
-        if bench == Path(__file__):
-            continue
+        if "report(" not in bench.read_text(encoding="utf-8") or bench == Path(__file__):
+            continue  # a part of another one
         print(f"running {bench.name}", file=sys.stderr)
         command = [sys.executable, str(bench), "--json", *sys.argv[1:]]
         told = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
