@@ -72,7 +72,7 @@ def solved_times(disturbances: Sequence[Disturbance], seconds: int, seed: int = 
     """
     clock = SimulatedClock()
     start_ns = clock.now_ns
-    timebase = Timebase(TimebaseSection(), clock)
+    timebase = Timebase(TimebaseSection().believing_every_date, clock)
     camera = CameraClock(CameraClockSettings(transfer_ns=1_000_000))
     random, waking = Random(seed), Random(seed)
     events: list[tuple[int, int, object]] = []
