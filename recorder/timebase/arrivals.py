@@ -19,7 +19,7 @@ BLOCK_S = 15.0
 """Of so much time only the earliest arrival counts."""
 JUMP_MS = 100.0
 """Between two fixes a second apart the wobble moves some milliseconds: more is another level."""
-LEVEL_SIGMA_MS = 8.0
+LEVEL_SIGMA_MS = 12.0
 """How far the wobble blurs the size of a jump; so far a level may move in a gap and be the same."""
 GAP_S = 10.0
 """After so long without a fix the wobble may have gone anywhere, and the level may be another."""
@@ -57,6 +57,8 @@ class Level:
     t_s: float
     step_ms: float
     """How much earlier than on the level before, give or take ``LEVEL_SIGMA_MS``."""
+    after_gap: bool = False
+    """Nobody saw whether it jumped: it may be the same level as before, or any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +98,7 @@ class Arrivals:
         step_ms = offset_ms - self._last[1]
         if t_s - self._last[0] > GAP_S and abs(step_ms) < 500.0:
             self._pending.clear()
-            self.levels.append(Level(t_s, 0.0))
+            self.levels.append(Level(t_s, 0.0, after_gap=True))
             return self._keep(fix, new=True)
         if abs(step_ms) <= JUMP_MS:
             self._pending.clear()
@@ -189,15 +191,15 @@ def fit(arrivals: Arrivals, iterations: int = 12) -> Envelope:
     expected = np.concatenate([[rough_ms.max()], np.zeros(1 + bends), steps_ms])
     sigmas = [1e4, OSCILLATOR_PPM * MS_PER_S, *[BEND_PPM * MS_PER_S] * bends]
     variance = np.array([*sigmas, *[LEVEL_SIGMA_MS] * len(steps_ms)]) ** 2
+    unseen = np.array([False] * (2 + bends) + [level.after_gap for level in arrivals.levels])
     late = BLOCK_S / (WOBBLE_MS * CORRELATION_S)
     found, softness_ms = expected, 20.0
     for _ in range(iterations):
         latency_ms = design @ found - offset_ms
         weight = np.where(latency_ms < 0, late * EARLY, late) / np.maximum(np.abs(latency_ms), softness_ms)
         weighted = design.T * weight
-        # a step that is not as expected is another: far out it is as likely as a bit further
-        surprise = np.where(np.arange(len(found)) < 2 + bends, 0.0, (found - expected) ** 2)
-        information = 1 / (variance + surprise)
+        # a step that nobody saw may be any: far out it is as likely as a bit further
+        information = 1 / (variance + np.where(unseen, (found - expected) ** 2, 0.0))
         normal = weighted @ design + np.diag(information)
         found = np.linalg.solve(normal, weighted @ offset_ms + information * expected)
         softness_ms = max(1.0, 0.7 * softness_ms)
