@@ -8,6 +8,7 @@ be right.
 import json
 import re
 import tomllib
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -47,6 +48,15 @@ class CameraSection(Section):
     """In the camera's own units."""
     packet_bytes: Annotated[int, Field(ge=576, le=9000)] | None = None
     """GigE Vision packet size; negotiated if absent."""
+    stamp_event: Literal["exposure_start", "exposure_end", "transfer_end"] = "exposure_end"
+    """What the camera's own stamp tells; the end of the exposure is the start of the readout."""
+    transfer_us: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    """From the end of the exposure to the earliest arrival of the frame here (readout, transfer); no clock
+    can tell it, so given."""
+    transfer_sigma_us: Annotated[int, Field(ge=0, le=1_000_000)] = 500
+    """One standard deviation of ``transfer_us``."""
+    stamp_wrap_s: Annotated[float, Field(gt=0.001, le=1e10)] | None = None
+    """The camera's own counter begins anew after so long; absent if it does not within a drive."""
     times: FilePath | None = None
     """For a file source: a CSV with the times of its images, column ``time_ns`` or ``time_s``."""
     realtime: bool = True
@@ -59,8 +69,10 @@ class CameraSection(Section):
 
     @model_validator(mode="after")
     def _every_key_does_something(self) -> "CameraSection":
-        only_cameras = ("width", "height", "exposure_us", "gain", "packet_bytes")
+        only_cameras = ("width", "height", "exposure_us", "gain", "packet_bytes", "stamp_wrap_s")
         set_in_vain = [key for key in only_cameras if self.is_file and getattr(self, key) is not None]
+        stamps = ("stamp_event", "transfer_us", "transfer_sigma_us")
+        set_in_vain += [key for key in stamps if self.is_file and key in self.model_fields_set]
         if self.is_file and self.pixel_format != "auto":
             set_in_vain.append("pixel_format")
         if not self.is_file and self.times is not None:
@@ -75,9 +87,13 @@ class GnssSection(Section):
     """The GNSS receiver."""
 
     source: Name
-    """A serial device such as ``/dev/ttyUSB0``, or a recorded NMEA log."""
-    baud: Literal[4800, 9600, 19200, 38400, 57600, 115200] = 4800
-    """Of the serial device; a BU-353 leaves the factory at 4800."""
+    """A serial device such as ``/dev/ttyUSB0``, ``gpsd://HOST:PORT``, or a recorded NMEA log."""
+    baud: Literal["auto", 4800, 9600, 19200, 38400, 57600, 115200] = "auto"
+    """Of the serial device; auto tries all, 4800 first: there a BU-353 leaves the factory."""
+    configure: bool = True
+    """Write to the serial device: out of SiRF binary, and only the sentences that serve."""
+    pps: Name | None = None
+    """The kernel's pulse per second, such as ``/dev/pps0``."""
     realtime: bool = True
     """For a log: play at its own pace."""
 
@@ -101,13 +117,21 @@ class DriversSection(Section):
 class TimebaseSection(Section):
     """Clock pairs and GNSS time."""
 
-    pair_seconds: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """How often the machine's clocks are compared."""
+    pair_seconds: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """How often the machine's clocks are compared, besides at once when the wall clock is set."""
     gnss_delay_ms: Annotated[int, Field(ge=0, le=5000)] = 600
     """From the instant that a burst of sentences speaks of to its first byte here; not observable
     without PPS, so given. 0.1 to 1.1 s have been seen."""
     gnss_delay_sigma_ms: Annotated[int, Field(ge=1, le=5000)] = 300
     """One standard deviation of ``gnss_delay_ms``."""
+    not_before: Annotated[date, Field(strict=False)] = date(2025, 1, 1)
+    """No receiver's date before it is believed: it is a rolled-over week count or a factory setting. The
+    default is this program's age; 1970-01-01 believes every date, as for a log that is replayed."""
+
+    @property
+    def believing_every_date(self) -> "TimebaseSection":
+        """The same for a log that is replayed."""
+        return self.model_copy(update={"not_before": date(1970, 1, 1)})
 
 
 class CodecSection(Section):

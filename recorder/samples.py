@@ -23,7 +23,7 @@ class Stamp:
     """
 
     raw_ns: int | None = None
-    """CLOCK_MONOTONIC_RAW of this machine (SMR)."""
+    """CLOCK_MONOTONIC_RAW of this machine at arrival, as the kernel saw it where it stamps (SMR)."""
     device_ns: int | None = None
     """The device's own counter, its origin unknown (IITC)."""
     realtime_ns: int | None = None
@@ -38,6 +38,15 @@ class Stamp:
     """Our estimate of UTC, Unix-like; None while no source is trusted."""
     utc_sigma_ns: int | None = None
     """One standard deviation of ``utc_ns``."""
+    monotonic_ns: int | None = None
+    """CLOCK_MONOTONIC as the kernel stamped it (V4L2)."""
+    raw_error_ns: int | None = None
+    """How far ``raw_ns`` may be from the kernel's stamp; None if it is the reading at arrival."""
+    exposure_raw_ns: int | None = None
+    """Of a frame: raw time of the middle of its exposure, by the camera's own clock. ``utc_ns`` is then
+    UTC of that instant, else of ``raw_ns``."""
+    exposure_sigma_ns: int | None = None
+    """One standard deviation of ``exposure_raw_ns``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +130,7 @@ class Fix:
     mode: str
     """The receiver's words: RMC status and mode, GGA quality, such as "A/A/1"."""
     satellites: int | None = None
+    """Used, as far as the receiver counts them."""
     hdop: float | None = None
     latitude_deg: float | None = None
     longitude_deg: float | None = None
@@ -129,6 +139,23 @@ class Fix:
     speed_m_s: float | None = None
     course_deg: float | None = None
     """Clockwise from true north."""
+    problem: str = ""
+    """Why it is not valid, such as "status V"; empty if it is."""
+    dimensions: int | None = None
+    """GSA: 3, 2 (the height is assumed), or 1 for none."""
+    leap_second: bool = False
+    """Told as 23:59:60, whose ``gps_ns`` is also that of the second after it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PpsEdge:
+    """One pulse per second, as the kernel stamped its edge."""
+
+    stamp: Stamp
+    """``realtime_ns``: of the edge, by the kernel; ``raw_ns``: read after the edge was handed over,
+    so the edge was before it."""
+    sequence: int
+    """The kernel's count of edges; a step of more than one is edges that nobody took."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +168,8 @@ class ClockPair:
     boottime_ns: int
     bracket_ns: int
     """Between the raw readings before and after: no clock was read further apart."""
+    stepped: bool = False
+    """The wall clock was set since the pair before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +179,33 @@ class UtcTime:
     raw_ns: int
     utc_ns: int
     sigma_ns: int
+    """One standard deviation."""
     source: str
-    """"gnss"; more to come."""
+    """"pps": the receiver's pulse; "gnss": its sentences; "hold-over": neither just now."""
+    half_width_ns: int | None = None
+    """Of the 95 % interval, with what is still being corrected; None in drives that did not state it."""
+
+    @property
+    def interval_ns(self) -> tuple[int, int]:
+        """UTC is between these with 95 %."""
+        half_ns = self.sigma_ns * 196 // 100 if self.half_width_ns is None else self.half_width_ns
+        return self.utc_ns - half_ns, self.utc_ns + half_ns
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """When a frame was exposed, solved again after the drive with all that is known of it."""
+
+    camera: str
+    id: int
+    raw_ns: int
+    """Of the frame, as it was recorded."""
+    exposure_raw_ns: int
+    """Raw time of the middle of its exposure."""
+    exposure_sigma_ns: int
+    utc_ns: int
+    """UTC of that instant."""
+    utc_sigma_ns: int
 
 
 class LossCause(StrEnum):
@@ -246,16 +300,20 @@ class LogLine:
     message: str
 
 
-Sample = Frame | NmeaSentence | Fix | ClockPair | UtcTime | Loss | Health | Scan | CanMessage
-"""What a driver may yield."""
+Sample = (
+    Frame | NmeaSentence | Fix | PpsEdge | ClockPair | UtcTime | Loss | Health | LogLine | Scan | CanMessage
+)
+"""What a driver may yield; a `LogLine` tells of the device itself, not of what it measures."""
 
 Record = (
     EncodedFrame
     | Preview
     | NmeaSentence
     | Fix
+    | PpsEdge
     | ClockPair
     | UtcTime
+    | FrameTime
     | Loss
     | Health
     | LogLine
@@ -268,6 +326,11 @@ Record = (
 def image_topic(camera: str) -> str:
     """The topic of a camera's frames."""
     return f"/camera/{camera}/image"
+
+
+def time_topic(camera: str) -> str:
+    """The topic of the times of a camera's frames, solved again."""
+    return f"/camera/{camera}/time"
 
 
 def preview_topic(camera: str) -> str:

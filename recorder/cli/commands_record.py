@@ -66,12 +66,14 @@ def record(
         list[str],
         typer.Argument(
             metavar="SOURCE...",
-            help="Video files, image folders, .npy stacks, genicam://ADDRESS, or a serial device; the first"
-            " camera is called front, the second tag, or say front=SOURCE.",
+            help="Video files, image folders, .npy stacks, genicam://ADDRESS, a serial device, or"
+            " gpsd://HOST:PORT; the first camera is called front, the second tag, or say front=SOURCE.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="Parent folder of the drive.")],
-    nmea: Annotated[str | None, typer.Option(help="An NMEA log or a serial GNSS receiver.")] = None,
+    nmea: Annotated[
+        str | None, typer.Option(help="An NMEA log, a serial GNSS receiver, or gpsd://HOST:PORT.")
+    ] = None,
     realtime: Annotated[bool, typer.Option(help="Play files at their own pace.")] = False,
     seconds: Annotated[
         float | None,
@@ -81,7 +83,7 @@ def record(
     rate: Annotated[float | None, typer.Option(help="Frames a second.")] = None,
     exposure: Annotated[float | None, typer.Option(help="Exposure time, µs.")] = None,
     gain: Annotated[float | None, typer.Option(help="In the camera's units.")] = None,
-    baud: Annotated[int, typer.Option(help="Of a serial GNSS receiver.")] = 4800,
+    baud: Annotated[str, typer.Option(help="Of a serial GNSS receiver; auto finds out.")] = "auto",
     times: Annotated[Path | None, typer.Option(help="CSV with the times of a file's images.")] = None,
     json: Json = False,
 ) -> int:
@@ -105,7 +107,8 @@ def record(
         "camera": {name: {"source": s, **camera_values} for name, s in cameras.items()}
     }
     if receivers:
-        drivers["gnss"] = {"source": receivers[0], "baud": baud, "realtime": realtime or live}
+        rate_baud = int(baud) if baud.isdecimal() else baud
+        drivers["gnss"] = {"source": receivers[0], "baud": rate_baud, "realtime": realtime or live}
     settings = parse({"drivers": drivers, "storage": {"out": out}}, where="command line")
     outcome = record_one(settings, build_drivers(settings, clock=SYSTEM_CLOCK), seconds=seconds)
     print_failures(outcome)
@@ -197,14 +200,14 @@ def print_outcome(outcome: "Outcome", inspection: Any) -> None:
 def _sort_sources(sources: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     """Cameras by name, and GNSS receivers."""
     from recorder.config import CAMERA_NAMES
-    from recorder.service.build import is_serial
+    from recorder.service.build import is_receiver
 
     cameras: dict[str, str] = {}
     receivers: list[str] = []
     for source in sources:
         name, equals, rest = source.partition("=")
         named = bool(equals) and name.isidentifier() and not Path(source).exists()
-        if is_serial(source):
+        if is_receiver(source):
             receivers.append(source)
         elif named and name not in CAMERA_NAMES:
             known = ", ".join(CAMERA_NAMES)
@@ -219,9 +222,9 @@ def _sort_sources(sources: Sequence[str]) -> tuple[dict[str, str], list[str]]:
 
 
 def _has_live(sources: Sequence[str]) -> bool:
-    from recorder.service.build import is_serial
+    from recorder.service.build import is_receiver
 
-    return any(source.startswith("genicam:") or is_serial(source) for source in sources)
+    return any(source.startswith("genicam:") or is_receiver(source) for source in sources)
 
 
 def _data_topics(settings: "Settings") -> list[str]:

@@ -104,7 +104,7 @@ def _print_status(told: dict[str, Any]) -> None:
     behind_s = ((time.get("raw_ns") or 0) - (told.get("durable_raw_ns") or 0)) / 1e9
     print(f"on disk up to {behind_s:.1f} s ago, {size(disk.get('free_bytes', 0))} free")
     if time.get("utc_ns") is not None:
-        print(f"UTC by {time.get('source')}, ± {time['utc_sigma_ns'] / 1e6:.0f} ms")
+        print(f"UTC by {time.get('source')}, ± {time['utc_half_width_ns'] / 1e6:.2f} ms (95 %)")
     else:
         print("UTC unknown: no GNSS fix yet")
     for problem in told.get("problems", []):

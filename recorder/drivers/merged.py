@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from recorder.drivers.base import Driver
 from recorder.errors import DeviceLost, RecorderError
-from recorder.samples import ClockPair, Health, Loss, Sample, UtcTime
+from recorder.samples import ClockPair, Health, LogLine, Loss, Sample, UtcTime
 
 
 @dataclass(slots=True)
@@ -100,7 +100,7 @@ class Merged:
 
 def raw_time(sample: Sample) -> int | None:
     """The raw instant that a sample belongs to, as far as it tells."""
-    if isinstance(sample, ClockPair | UtcTime | Health):
+    if isinstance(sample, ClockPair | UtcTime | Health | LogLine):
         return sample.raw_ns
     if isinstance(sample, Loss):
         return sample.first_raw_ns

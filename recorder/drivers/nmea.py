@@ -17,10 +17,10 @@ SECOND_NS = 1_000_000_000
 DAY_NS = 86_400 * SECOND_NS
 LONGEST_LINE = 256
 """Bytes; the standard allows 82, proprietary sentences are longer."""
-TIMED_KINDS = ("RMC", "GGA", "ZDA")
+READ_KINDS = ("RMC", "GGA", "ZDA", "GSA")
 """The sentences that carry what a `Fix` holds (report 3.2.6.2)."""
 
-_TIMED_HEADS = tuple(f"{kind},".encode() for kind in TIMED_KINDS)
+_READ_HEADS = tuple(f"{kind},".encode() for kind in READ_KINDS)
 _PIECE = re.compile(rb"[$!]?[^\n$!]*\n?")
 _SENTENCE = re.compile(rb"[$!]([ -~]*)\*([0-9A-Fa-f]{2})[\r\n]*")
 _TAIL = re.compile(rb"[ -~]*\*[0-9A-Fa-f]{2}\r*\n")
@@ -32,8 +32,10 @@ _KNOT_M_S = 1852 / 3600
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _SATELLITE_MODES = frozenset("ADFPR")
 """Of RMC: autonomous, differential, float RTK, precise, RTK. E, M, S and N are not fixes."""
+_OTHER_MODES = {"E": "estimated", "M": "manual", "S": "simulated", "N": "no fix"}
 _SATELLITE_QUALITIES = frozenset("123459")
 """Of GGA: GPS, differential, PPS, RTK, float RTK, SBAS. 0, 6, 7 and 8 are not fixes."""
+_OTHER_QUALITIES = {"0": "no fix", "6": "estimated", "7": "manual", "8": "simulated"}
 _DATE_KEPT_NS = DAY_NS // 2
 
 
@@ -90,7 +92,7 @@ def _problem(data: bytes) -> str:
     if match := _SENTENCE.fullmatch(data):
         if checksum(match[1]) != int(match[2], 16):
             return "checksum"
-        return "fields" if _is_timed(data) and _read(data) is None else ""
+        return "fields" if _is_read(data) and _read(data) is None else ""
     if len(data) < LONGEST_LINE and (_BROKEN_OFF.fullmatch(data) or _TAIL.fullmatch(data)):
         return "cut"
     return "garbage"
@@ -106,12 +108,12 @@ def checksum(body: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What one RMC, GGA or ZDA sentence says; whatever it leaves empty is None or ""."""
+    """What one RMC, GGA, ZDA or GSA sentence says; whatever it leaves empty is None or ""."""
 
     kind: str
     talker: str
     time_of_day_ns: int | None
-    """Up to and including the leap second 23:59:60."""
+    """Up to and including the leap second 23:59:60; None in GSA, which tells none."""
     day: int | None = None
     """Days since 1970-01-01."""
     status: str = ""
@@ -127,16 +129,18 @@ class Told:
     altitude_m: float | None = None
     speed_m_s: float | None = None
     course_deg: float | None = None
+    dimensions: int | None = None
+    """GSA: 1 for no fix, 2, 3."""
 
 
 def parse(sentence: NmeaSentence) -> Told | None:
-    """What a sound RMC, GGA or ZDA sentence says; None for any other."""
-    return None if sentence.problem or not _is_timed(sentence.data) else _read(sentence.data)
+    """What a sound RMC, GGA, ZDA or GSA sentence says; None for any other."""
+    return None if sentence.problem or not _is_read(sentence.data) else _read(sentence.data)
 
 
-def _is_timed(data: bytes) -> bool:
+def _is_read(data: bytes) -> bool:
     """Garmin's ``$PGRMC`` is not one of them: behind P stands a maker, not a talker."""
-    return data[:1] == b"$" and data[1:2] != b"P" and data[3:7] in _TIMED_HEADS
+    return data[:1] == b"$" and data[1:2] != b"P" and data[3:7] in _READ_HEADS
 
 
 def _read(data: bytes) -> Told | None:
@@ -149,7 +153,10 @@ def _read(data: bytes) -> Told | None:
         return None
     # The fields are taken as text: pynmeagps's own time loses :60 and its positions are rounded.
     fields = [*map(str, message.payload), *[""] * 15]
-    kind, talker, time_ns = str(message.msgID), str(message.talker), time_of_day(fields[0])
+    kind, talker = str(message.msgID), str(message.talker)
+    if kind == "GSA":
+        return Told(kind, talker, None, dimensions=int(fields[1]) if fields[1] in ("1", "2", "3") else None)
+    time_ns = time_of_day(fields[0])
     if kind == "ZDA":
         return Told(kind, talker, time_ns, day=_day(fields[3], fields[2], fields[1]))
     if kind == "GGA":
@@ -225,17 +232,19 @@ class FixAssembler:
 
     A burst ends when a sentence tells another time or comes a second time, or after silence. What
     comes late for a burst that silence had ended is not taken for a new one: the fuller fix is
-    told again, with the first one's arrival.
+    told again, with the first one's arrival. A burst that was not heard from its beginning tells
+    no ``gps_raw_ns``: when its first byte arrived is not known.
     """
 
     def __init__(self) -> None:
         self._burst: _Burst | None = None
-        self._after_silence = True
+        self._after_silence, self._whole = True, True
         self._lead_raw_ns: int | None = None
         self._date = _LastDate()
 
-    def add(self, sentence: NmeaSentence) -> Fix | None:
-        """Take a sentence; the fix of the burst that it ends, if it does."""
+    def add(self, sentence: NmeaSentence, *, dated: bool = True) -> Fix | None:
+        """Take a sentence; the fix of the burst that it ends, if it does. ``dated`` is False for one
+        that had waited before it was read: its stamp is not its arrival."""
         if sentence.problem or sentence.stamp.raw_ns is None:
             return None
         if self._after_silence:
@@ -245,17 +254,24 @@ class FixAssembler:
             return None
         ended = None
         if self._burst is None or not self._burst.takes(told):
-            ended = self._end()
+            ended, self._whole = self._end(), dated and (self._whole or self._burst is not None)
             lead_ns = self._lead_raw_ns
-            self._burst = _Burst(sentence.stamp.raw_ns if lead_ns is None else lead_ns)
+            self._burst = _Burst(sentence.stamp.raw_ns if lead_ns is None else lead_ns, whole=self._whole)
         self._burst.add(told)
         self._lead_raw_ns = None
         return ended
 
     def silence(self) -> Fix | None:
         """The receiver has paused or the stream has ended: the fix told so far, if it is new."""
-        self._after_silence, self._lead_raw_ns = True, None
+        self._after_silence, self._lead_raw_ns, self._whole = True, None, True
         return self._end()
+
+    def interrupted(self) -> Fix | None:
+        """The line was not listened to until now, or not at the right rate: a burst may be under
+        way. The fix of the one before, if it is new."""
+        ended, self._burst = self._end(), None
+        self._after_silence, self._lead_raw_ns, self._whole = True, None, False
+        return ended
 
     def _end(self) -> Fix | None:
         if self._burst is None or not self._burst.is_new:
@@ -282,19 +298,23 @@ class _LastDate:
 
 
 class _Burst:
-    """The sentences of one instant; of two that say the same the first counts, or the better GGA."""
+    """The sentences of one instant; of two that say the same the first counts, or the better GGA
+    or GSA."""
 
-    def __init__(self, raw_ns: int) -> None:
+    def __init__(self, raw_ns: int, *, whole: bool) -> None:
         self.is_new = False
-        self._raw_ns = raw_ns
+        self._raw_ns, self._whole = raw_ns, whole
         self._time_ns: int | None = None
         self._seen: set[tuple[str, str]] = set()
         self._rmc: Told | None = None
         self._gga: Told | None = None
         self._zda: Told | None = None
+        self._dimensions: int | None = None
 
     def takes(self, told: Told) -> bool:
-        """Whether a sentence may belong to this burst."""
+        """Whether a sentence may belong to this burst; several GSAs may, one a constellation."""
+        if told.kind == "GSA":
+            return True
         same = told.time_of_day_ns is None or self._time_ns in (None, told.time_of_day_ns)
         return same and (told.talker, told.kind) not in self._seen
 
@@ -307,16 +327,20 @@ class _Burst:
             self._rmc = self._rmc or told
         elif told.kind == "ZDA":
             self._zda = self._zda or told
+        elif told.kind == "GSA":
+            self._dimensions = max(self._dimensions or 0, told.dimensions or 0) or None
         elif self._gga is None or self._gga.quality not in _SATELLITE_QUALITIES:
             self._gga = told
 
     def fix(self, last_date: _LastDate) -> Fix:
         rmc, gga = self._rmc, self._gga
         place = gga if gga and gga.latitude_deg is not None else rmc or gga
-        gps_ns = self._gps_ns(last_date)
+        gps_ns, gps_raw_ns = self._gps_ns(last_date), self._raw_ns if self._whole else None
+        problem = self._problem(place)
         return Fix(
-            stamp=Stamp(raw_ns=self._raw_ns, gps_ns=gps_ns, gps_raw_ns=self._raw_ns),
-            valid=self._is_valid(place),
+            stamp=Stamp(raw_ns=self._raw_ns, gps_ns=gps_ns, gps_raw_ns=gps_raw_ns),
+            valid=not problem,
+            problem=problem,
             mode="/".join(
                 word or "-"
                 for word in (rmc.status if rmc else "", rmc.mode if rmc else "", gga.quality if gga else "")
@@ -328,6 +352,8 @@ class _Burst:
             altitude_m=gga.altitude_m if gga else None,
             speed_m_s=rmc.speed_m_s if rmc else None,
             course_deg=rmc.course_deg if rmc else None,
+            dimensions=self._dimensions,
+            leap_second=self._time_ns is not None and self._time_ns >= DAY_NS,
         )
 
     def _gps_ns(self, last_date: _LastDate) -> int | None:
@@ -338,13 +364,22 @@ class _Burst:
         day = last_date.of(told[0] if told else None, self._time_ns, self._raw_ns)
         return None if day is None else day * DAY_NS + self._time_ns
 
-    def _is_valid(self, place: Told | None) -> bool:
-        if self._time_ns is None or place is None or None in (place.latitude_deg, place.longitude_deg):
-            return False
+    def _problem(self, place: Told | None) -> str:
+        """Why position and time do not come from satellites now; empty if they do."""
         rmc, gga = self._rmc, self._gga
-        if rmc and (rmc.status != "A" or (rmc.mode and rmc.mode not in _SATELLITE_MODES)):
-            return False
-        if gga is None:
-            return True
+        if rmc and rmc.status != "A":
+            return f"status {rmc.status or 'empty'}"
+        if rmc and rmc.mode and rmc.mode not in _SATELLITE_MODES:
+            return f"mode {rmc.mode}, {_OTHER_MODES.get(rmc.mode, 'unknown')}"
+        if gga and gga.quality not in _SATELLITE_QUALITIES:
+            return f"quality {gga.quality or 'empty'}, {_OTHER_QUALITIES.get(gga.quality, 'unknown')}"
         # Some receivers claim quality 1 before they use any satellite; others never count them.
-        return gga.quality in _SATELLITE_QUALITIES and (rmc is not None or gga.satellites != 0)
+        if gga and gga.satellites == 0 and rmc is None:
+            return "no satellite used"
+        if self._dimensions == 1:
+            return "no fix, says GSA"
+        if self._time_ns is None:
+            return "no time"
+        if place is None or place.latitude_deg is None or place.longitude_deg is None:
+            return "no position"
+        return ""

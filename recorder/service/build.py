@@ -10,8 +10,12 @@ from recorder.drivers.base import Driver
 from recorder.drivers.file_camera import FileCamera
 from recorder.drivers.genicam import GenicamCamera
 from recorder.drivers.gnss import GnssReceiver
+from recorder.drivers.gpsd import GpsdClient
 from recorder.drivers.merged import Merged
 from recorder.drivers.nmea_log import NmeaLog
+from recorder.drivers.pps import PpsSource
+
+GPSD = "gpsd://"
 
 
 def build_drivers(settings: Settings, *, clock: Clock) -> Sequence[Driver]:
@@ -27,6 +31,8 @@ def build_drivers(settings: Settings, *, clock: Clock) -> Sequence[Driver]:
     if gnss is not None:
         driver = _gnss(gnss, None if gnss.realtime else origin_raw_ns, clock)
         (paced if driver.live or gnss.realtime else fast).append(driver)
+        if gnss.pps is not None:
+            paced.append(PpsSource(gnss.pps, clock=clock))
     return [*paced, *([Merged(fast)] if len(fast) > 1 else fast)]
 
 
@@ -37,10 +43,17 @@ def _camera(name: str, settings: CameraSection, origin_raw_ns: int | None, clock
 
 
 def _gnss(settings: GnssSection, origin_raw_ns: int | None, clock: Clock) -> Driver:
+    if settings.source.startswith(GPSD):
+        return GpsdClient(settings, clock=clock)
     path = Path(settings.source.removeprefix("serial://"))
     if is_serial(settings.source):
         return GnssReceiver(settings.model_copy(update={"source": str(path)}), clock=clock)
     return NmeaLog(path, origin_raw_ns=origin_raw_ns, realtime=settings.realtime, clock=clock)
+
+
+def is_receiver(source: str) -> bool:
+    """A GNSS receiver rather than a file: on a serial line or behind gpsd."""
+    return source.startswith(GPSD) or is_serial(source)
 
 
 def is_serial(source: str) -> bool:

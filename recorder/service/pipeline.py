@@ -13,7 +13,8 @@ from recorder.codec import Model, encode, model_at, train
 from recorder.config import Settings
 from recorder.errors import RecorderError, StorageError
 from recorder.realtime.preview import preview
-from recorder.samples import EncodedFrame, Fix, Frame, LogLine, Loss, LossCause, Record, Sample
+from recorder.samples import EncodedFrame, Fix, Frame, LogLine, Loss, LossCause, PpsEdge, Record, Sample
+from recorder.service.camera_timing import CameraTiming
 from recorder.service.queue import Entry, WriteQueue
 from recorder.storage import DriveWriter
 from recorder.timebase import Timebase
@@ -46,6 +47,8 @@ class Pipeline:
         self._preview_due_ns: dict[str, int] = {}
         self._previewing: dict[str, Future[None]] = {}
         self._last_raw_ns: dict[str, int] = {}
+        self._date_told = ""
+        self._timing = {name: CameraTiming(camera) for name, camera in settings.drivers.camera.items()}
         self._trained: dict[tuple[str, Model, int], tuple[int, bytes]] = {}
         self._counting = threading.Lock()
         self._refused: dict[str, Loss] = {}
@@ -88,6 +91,11 @@ class Pipeline:
             return dict(self._lost)
 
     @property
+    def timing(self) -> dict[str, CameraTiming]:
+        """How each camera's frames are timed."""
+        return dict(self._timing)
+
+    @property
     def queue_bytes(self) -> int:
         """Held between the devices and the disk just now."""
         return self._queue.held_bytes
@@ -102,6 +110,11 @@ class Pipeline:
         utc = None
         if isinstance(sample, Fix):
             utc = self._timebase.observe(sample)
+            self._tell_of_date(sample)
+        if isinstance(sample, PpsEdge):
+            sample = replace(sample, stamp=self._timebase.refine(sample.stamp))
+            self._timebase.observe_pulse(sample)
+        if isinstance(sample, (Fix, PpsEdge)):
             sample = replace(sample, stamp=self._timebase.complete(sample.stamp))
         self.put(sample, wait=not live)
         if utc is not None:
@@ -125,15 +138,25 @@ class Pipeline:
         for loss in pending.values():
             self._queue.put(partial(_itself, loss), _SMALL, wait=False, required=True)
 
+    def _tell_of_date(self, fix: Fix) -> None:
+        """Once, if the receiver's date is corrected or refused although it has a fix."""
+        judgement = self._timebase.judgement
+        reason = judgement.reason if judgement is not None and fix.valid else ""
+        if reason and reason != self._date_told:
+            self.put(LogLine(self._clock.raw_ns(), "warning", "gnss", reason))
+            _log.warning("gnss: %s", reason)
+        self._date_told = reason or self._date_told
+
     def _stamped(self, frame: Frame) -> Frame:
         """With its times complete. A camera's raw time goes forward, whatever a stamp says."""
-        stamp = self._timebase.complete(frame.stamp, frame=True)
         last_ns = self._last_raw_ns.get(frame.camera)
-        if stamp.raw_ns is not None:
-            if last_ns is not None and stamp.raw_ns <= last_ns:
-                stamp = replace(stamp, raw_ns=last_ns + 1)
-            self._last_raw_ns[frame.camera] = stamp.raw_ns or 0
-        return replace(frame, stamp=stamp)
+        stamp = self._timebase.refine(frame.stamp, after_ns=last_ns)
+        assert stamp.raw_ns is not None
+        if last_ns is not None and stamp.raw_ns <= last_ns:
+            stamp = replace(stamp, raw_ns=last_ns + 1)
+        self._last_raw_ns[frame.camera] = stamp.raw_ns or 0
+        timing = self._timing.get(frame.camera) or self._timing.setdefault(frame.camera, CameraTiming())
+        return replace(frame, stamp=self._timebase.complete(timing.stamped(frame, stamp), frame=True))
 
     def _take_frame(self, frame: Frame, *, live: bool) -> bool:
         def start() -> Entry:

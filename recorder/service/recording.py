@@ -17,13 +17,15 @@ from recorder.config import Settings
 from recorder.drivers.base import Driver
 from recorder.errors import RecorderError, SourceError
 from recorder.samples import DeviceState, Health, LogLine, Sample
+from recorder.service.build import is_receiver
+from recorder.service.clock_pairs import ClockPairs
 from recorder.service.housekeeping import Chore, Housekeeping
 from recorder.service.notify import notify, watchdog_period_s
 from recorder.service.pipeline import Pipeline
 from recorder.service.supervisor import Supervisor
 from recorder.service.versions import versions
 from recorder.storage import DriveHead, DriveWriter
-from recorder.timebase import Timebase, wall_clock_error_ns
+from recorder.timebase import ClockWatch, Timebase, clock_watch, wall_clock_error_ns
 
 _log = logging.getLogger("recorder")
 _log.addHandler(logging.NullHandler())  # who wants to see the events says so (`recorder run` does)
@@ -62,8 +64,17 @@ class Recording:
     """
 
     def __init__(
-        self, settings: Settings, drivers: Sequence[Driver], *, one_shot: bool, clock: Clock = SYSTEM_CLOCK
+        self,
+        settings: Settings,
+        drivers: Sequence[Driver],
+        *,
+        one_shot: bool,
+        clock: Clock = SYSTEM_CLOCK,
+        watch: ClockWatch | None = None,
     ) -> None:
+        gnss = settings.drivers.gnss
+        if gnss is not None and not is_receiver(gnss.source):
+            settings = settings.model_copy(update={"timebase": settings.timebase.believing_every_date})
         self._settings = settings
         self._one_shot = one_shot
         self._clock = clock
@@ -89,6 +100,8 @@ class Recording:
         self._disk_watch = Housekeeping(
             [Chore("disk", _DISK_FIGURES_S, self._look_at_disk)], clock=clock, name="disk"
         )
+        self._watch = watch
+        self._clock_pairs: ClockPairs | None = None
         self._disk: dict[str, Any] = {}
         self._started_raw_ns = clock.raw_ns()
 
@@ -107,6 +120,14 @@ class Recording:
         self._writer = writer
         self._pipeline = Pipeline(self._settings, self._timebase, writer, clock=self._clock)
         self._pipeline.start()
+        self._clock_pairs = ClockPairs(
+            self._timebase,
+            self._pipeline.put,
+            self._settings.timebase.pair_seconds,
+            clock=self._clock,
+            watch=self._watch or clock_watch(),
+        )
+        self._clock_pairs.start()
         self._housekeeping.start()
         self._disk_watch.start()
         if self._one_shot:
@@ -138,6 +159,8 @@ class Recording:
         notify("STOPPING=1")
         stopped_raw_ns = self._clock.raw_ns()
         self._stop_devices()
+        if self._clock_pairs is not None:
+            self._clock_pairs.close()
         self._housekeeping.close()
         self._disk_watch.close(timeout_s=0.5)
         for device in self._devices:
@@ -189,6 +212,7 @@ class Recording:
             "devices": devices,
             "frames": dict(pipeline.frames) if pipeline else {},
             "lost": dict(pipeline.lost) if pipeline else {},
+            "timing": {name: timing.status() for name, timing in pipeline.timing.items()} if pipeline else {},
             "time": {"raw_ns": self._clock.raw_ns(), **self._timebase.status()},
             "disk": {**self._disk, "queue_bytes": pipeline.queue_bytes if pipeline else 0},
             "processes": {"recorder": _process()},
@@ -197,7 +221,6 @@ class Recording:
     def _chores(self) -> list[Chore]:
         """What runs when."""
         return [
-            Chore("clock pair", self._settings.timebase.pair_seconds, self._record_clock_pair),
             Chore("losses", _STATE_LOSSES_S, self._state_losses),
             Chore("health", _HEALTH_PERIOD_S, self._record_health),
             Chore("watchdog", watchdog_period_s() or 60.0, self._feed_watchdog),
@@ -248,6 +271,11 @@ class Recording:
 
     def _take(self, sample: Sample, live: bool) -> bool:
         assert self._pipeline is not None
+        if isinstance(sample, LogLine):
+            _log.log(
+                logging.getLevelNamesMapping()[sample.level.upper()], "%s %s", sample.name, sample.message
+            )
+            self._note_devices()
         return self._pipeline.take(sample, live=live)
 
     def _tell(self, health: Health) -> None:
@@ -257,18 +285,15 @@ class Recording:
             self._pipeline.put(health)
             name = logging.getLevelName(level).lower()
             self._pipeline.put(LogLine(health.raw_ns, name, health.device, text))
-            self._note_devices(health)
+            if health.state is DeviceState.STREAMING and not self._one_shot:
+                self._note_devices()
         _log.log(level, "%s %s", health.device, text)
 
-    def _note_devices(self, health: Health) -> None:
+    def _note_devices(self) -> None:
         """What a device says of itself is known once it streams: have the drive say so."""
-        if self._pipeline is not None and health.state is DeviceState.STREAMING and not self._one_shot:
+        if self._pipeline is not None:
             devices = {device.driver.name: device.description for device in self._devices}
             self._pipeline.call(lambda: self._writer.set_devices(devices) if self._writer else None)
-
-    def _record_clock_pair(self) -> None:
-        if self._pipeline is not None:
-            self._pipeline.put(self._timebase.sample_pair())
 
     def _state_losses(self) -> None:
         if self._pipeline is not None:
@@ -278,6 +303,15 @@ class Recording:
         if self._pipeline is not None:
             for device in self._devices:
                 self._pipeline.put(device.now())
+            self._tell_of_timing(self._pipeline)
+
+    def _tell_of_timing(self, pipeline: Pipeline) -> None:
+        """What the cameras' clocks noticed since the last time."""
+        for name, timing in pipeline.timing.items():
+            news = timing.news()
+            if news:
+                pipeline.put(LogLine(self._clock.raw_ns(), "warning", name, news))
+                _log.warning("%s: %s", name, news)
 
     def _feed_watchdog(self) -> None:
         pipeline = self._pipeline

@@ -10,7 +10,7 @@ from recorder.clock import Clock
 from recorder.config import ServiceSection
 from recorder.drivers.base import Driver
 from recorder.errors import RecorderError
-from recorder.samples import DeviceState, Frame, Health, Loss, Sample
+from recorder.samples import DeviceState, Frame, Health, LogLine, Loss, Sample
 from recorder.service.ids import FrameCount
 
 _LET_GO_S = 5.0
@@ -148,7 +148,10 @@ class Supervisor:
         heard_ns = self._clock.raw_ns()
         silent_ns = round(self._settings.silent_seconds * 1e9)
         for sample in self.driver.samples():
-            if sample is not None:
+            if isinstance(sample, LogLine):  # what the device tells of itself may have changed with it
+                self.description = dict(self.driver.describe())
+                self._take(sample, self.driver.live)
+            elif sample is not None:
                 heard_ns = self._clock.raw_ns()
                 self._forward(sample)
                 if self._health.state is not DeviceState.STREAMING:

@@ -16,6 +16,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 SECOND_NS = 1_000_000_000
 CHUNK_BYTES = 16
@@ -38,7 +39,7 @@ class NmeaPty:
 
     def __init__(self, bursts: Iterable[Sequence[bytes] | bytes] = (), *, baud: int = 4800) -> None:
         self._bursts = iter(bursts)
-        self._chunk_s = CHUNK_BYTES * 10 / baud
+        self.baud = baud
         self._master, self._slave = pty.openpty()
         os.set_blocking(self._master, False)
         self.path = Path(os.ttyname(self._slave))
@@ -47,11 +48,18 @@ class NmeaPty:
         """Fault: stop talking while True (what would have been said is lost)."""
         self.spoil_checksums = False
         """Fault: every sentence with a wrong checksum while True."""
+        self.cut_lines = False
+        """Fault: the second half of every third sentence is missing while True."""
+        self.chunk_bytes = CHUNK_BYTES
+        """Fault: with 1, every byte comes in a write of its own."""
+        self.echo = False
+        """Fault: say back what was written to the receiver while True."""
+        self._said = 0
         self._stop, self._lock = threading.Event(), threading.Lock()
         self._received, self._injected = bytearray(), bytearray()
         self._thread = threading.Thread(target=self._run, name="nmea-pty")
 
-    def __enter__(self) -> "NmeaPty":
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 
@@ -91,30 +99,44 @@ class NmeaPty:
             with self._lock:
                 say, self._injected[:] = bytes(self._injected), b""
             if not say:
-                say = bytes(queue[:CHUNK_BYTES])
-                del queue[:CHUNK_BYTES]
+                say = bytes(queue[: self.chunk_bytes])
+                del queue[: self.chunk_bytes]
             if say and not self.silent:
                 self._say(say)
             self._listen()
             now_s = time.monotonic()
-            due_s = due_s + self._chunk_s * len(say) / CHUNK_BYTES if say else now_s + _POLL_S
-            due_s = max(due_s, now_s - self._chunk_s)
+            line_s = 10 * len(say) / self.baud
+            due_s = due_s + line_s if say else now_s + _POLL_S
+            due_s = max(due_s, now_s - line_s)
             self._stop.wait(max(0.0, due_s - now_s))
 
     def _next_burst(self) -> bytes:
         burst = next(self._bursts, b"")
         sentences = [burst] if isinstance(burst, bytes) else burst
-        return b"".join(spoilt(one) if self.spoil_checksums else one for one in sentences)
+        return b"".join(map(self._faulty, sentences))
+
+    def _faulty(self, sentence: bytes) -> bytes:
+        self._said += 1
+        if self.cut_lines and self._said % 3 == 0:
+            return sentence[: len(sentence) // 2]
+        return spoilt(sentence) if self.spoil_checksums else sentence
 
     def _say(self, data: bytes) -> None:
+        self._put(data)
+
+    def _put(self, data: bytes) -> None:
         with suppress(BlockingIOError):  # nobody reads: lost, as on a serial line
             os.write(self._master, data)
 
     def _listen(self) -> None:
         while select.select([self._master], [], [], 0)[0]:
-            data = os.read(self._master, 4096)
-            with self._lock:
-                self._received += data
+            self._hear(os.read(self._master, 4096))
+
+    def _hear(self, data: bytes) -> None:
+        with self._lock:
+            self._received += data
+            if self.echo:
+                self._injected += data
 
 
 def sentence(body: str) -> bytes:
@@ -132,16 +154,30 @@ def spoilt(line: bytes) -> bytes:
 
 
 def burst(
-    utc_ns: int, latitude_deg: float, longitude_deg: float, speed_m_s: float, course_deg: float
+    utc_ns: int,
+    latitude_deg: float,
+    longitude_deg: float,
+    speed_m_s: float,
+    course_deg: float,
+    *,
+    fix: bool = True,
 ) -> list[bytes]:
     """GGA, GSA, RMC and ZDA of one instant, in the order and the formats of a BU-353S4 with ZDA on.
 
     Args:
         utc_ns: Unix-like; told to the millisecond, cut off.
+        fix: False while no satellite is received: then the time is the receiver's own idea.
     """
     seconds, rest_ns = divmod(utc_ns, SECOND_NS)
     when = datetime.fromtimestamp(seconds, UTC)
     clock = f"{when:%H%M%S}.{rest_ns // 1_000_000:03d}"
+    if not fix:
+        return [
+            sentence(f"GPGGA,{clock},,,,,0,00,,,M,0.0,M,,0000"),
+            sentence("GPGSA,A,1,,,,,,,,,,,,,,,"),
+            sentence(f"GPRMC,{clock},V,,,,,,,{when:%d%m%y},,,N"),
+            sentence(f"GPZDA,{clock},{when:%d,%m,%Y},00,00"),
+        ]
     latitude = _angle(latitude_deg, 2, "NS")
     longitude = _angle(longitude_deg, 3, "EW")
     speed = f"{speed_m_s / _KNOT_M_S:.2f},{course_deg % 360:.2f}"

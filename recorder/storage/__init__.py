@@ -6,6 +6,7 @@ from recorder.storage.export import export
 from recorder.storage.frames import Frames, NoFrame, StoredFrame
 from recorder.storage.head import DriveHead
 from recorder.storage.inspect import Inspection, inspect
+from recorder.storage.retime import Retiming, retime
 from recorder.storage.verify import Verification, verify
 from recorder.storage.writer import DriveWriter
 
@@ -17,11 +18,13 @@ __all__ = [
     "Inspection",
     "Message",
     "NoFrame",
+    "Retiming",
     "StoredFrame",
     "TopicInfo",
     "Verification",
     "export",
     "inspect",
     "open_drive",
+    "retime",
     "verify",
 ]

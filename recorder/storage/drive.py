@@ -11,14 +11,17 @@ import numpy as np
 
 from recorder.config import CAMERA_NAMES
 from recorder.errors import UsageError
-from recorder.samples import image_topic
+from recorder.samples import UtcTime, image_topic
 from recorder.storage import head as heads
 from recorder.storage.access import Access, Message
+from recorder.storage.course import UtcCourse
 from recorder.storage.frames import Frames
 from recorder.storage.opening import read_segments
 from recorder.storage.segment import ENTRY, Entries, Segment
 
 FRAME_SCHEMA = "recorder.FelicsFrame"
+SOLVED_TOPIC = "/time/solved"
+"""UTC as solved again after the drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +62,7 @@ class Drive:
         self._entries = _by_topic(segments, problems)
         self.topics: Mapping[str, TopicInfo] = {topic: self._info(topic) for topic in sorted(self._entries)}
         self.access = Access(self.segments, self.log_offset_ns)
+        self._course: UtcCourse | None = None
 
     def frames(self, camera: str | None = None) -> Frames:
         """The frames of one camera, or of all of them in order of time.
@@ -88,6 +92,15 @@ class Drive:
             known = f"topics here: {', '.join(self.topics) or 'none'}"
             raise UsageError(f"no topic {topic!r}", where=str(self.path), todo=known)
         return (self.access.message(entry) for entry in self.entries(topic))
+
+    def utc(self, raw_ns: int) -> UtcTime | None:
+        """UTC at a raw instant: as solved again (``/time/solved``) if it was, else as recorded
+        (``/time/utc``); None if neither knows. The first call reads that topic. Raises `DriveError`."""
+        if self._course is None:
+            topic = SOLVED_TOPIC if SOLVED_TOPIC in self.topics else "/time/utc"
+            told = [message.sample for message in self.messages(topic)] if topic in self.topics else []
+            self._course = UtcCourse([one for one in told if isinstance(one, UtcTime)])
+        return self._course.at(raw_ns)
 
     def entries(self, topic: str) -> Entries:
         """Where the messages of a topic stand, in order of time."""

@@ -19,6 +19,10 @@ def drive_name(number: int, utc_ns: int | None) -> str:
     return f"{number:04d}-{datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC):%Y%m%dT%H%M%SZ}"
 
 
+RETIMED = "retimed.mcap"
+"""Beside the segments: the times of the drive, solved again."""
+
+
 def segment_name(number: int) -> str:
     return f"{number:04d}.mcap"
 

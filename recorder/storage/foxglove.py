@@ -102,6 +102,9 @@ def fix_message(fix: Fix, log_time_ns: int) -> LocationFix:
 
 _FIX_METADATA: dict[str, Callable[[str], Any]] = {
     "mode": str,
+    "problem": str,
+    "dimensions": int,
+    "leap_second": lambda text: text == "True",
     "satellites": int,
     "hdop": float,
     "speed_m_s": float,
@@ -113,7 +116,7 @@ def _fix_metadata(fix: Fix) -> dict[str, str]:
     """What the message type has no field for, or would round."""
     values: dict[str, Any] = {name: getattr(fix, name) for name in _FIX_METADATA}
     values |= {name: getattr(fix.stamp, name) for name in STAMP_FIELDS}
-    known = {name: str(value) for name, value in values.items() if value is not None}
+    known = {name: str(one) for name, one in values.items() if one not in (None, "") and one is not False}
     return {"valid": "true" if fix.valid else "false"} | known
 
 

@@ -54,7 +54,7 @@ class DriveHead:
     """Model, serial number and the like of each device by its name."""
 
 
-def drive_record(head: DriveHead, *, drive: str, segment: int) -> dict[str, str]:
+def drive_record(head: DriveHead, *, drive: str, segment: int | str) -> dict[str, str]:
     return sealed(
         DRIVE,
         {

@@ -15,16 +15,19 @@ from recorder.samples import (
     DeviceState,
     EncodedFrame,
     Fix,
+    FrameTime,
     Health,
     LogLine,
     Loss,
     LossCause,
     NmeaSentence,
+    PpsEdge,
     Preview,
     Record,
     Scan,
     UtcTime,
     preview_topic,
+    time_topic,
 )
 from recorder.storage import foxglove
 from recorder.storage import recorder_pb2 as pb
@@ -56,6 +59,9 @@ class Kind:
         return str(self.message.DESCRIPTOR.full_name)
 
 
+_FRAME_TIME = tuple(FrameTime.__dataclass_fields__)
+
+
 def _frame(value: Any, _raw_ns: int, _sequence: int) -> EncodedFrame:
     return EncodedFrame(
         camera=value.frame_id.removeprefix("camera_"),
@@ -74,6 +80,10 @@ def _nmea_message(sentence: NmeaSentence, _times: Times) -> bytes:
     return pb.NmeaSentence(stamp=stamp, data=sentence.data, problem=sentence.problem).SerializeToString()
 
 
+def _pps_message(edge: PpsEdge, _times: Times) -> bytes:
+    return pb.PpsEdge(stamp=stamp_to_proto(edge.stamp), sequence=edge.sequence).SerializeToString()
+
+
 def _pair_message(pair: ClockPair, times: Times) -> bytes:
     return pb.ClockPair(
         raw_ns=pair.raw_ns,
@@ -82,16 +92,34 @@ def _pair_message(pair: ClockPair, times: Times) -> bytes:
         boottime_ns=pair.boottime_ns,
         bracket_ns=pair.bracket_ns,
         log_offset_ns=times.log_offset_ns,
+        stepped=pair.stepped,
     ).SerializeToString()
 
 
 def _pair(value: Any, _raw_ns: int, _sequence: int) -> ClockPair:
-    return ClockPair(value.raw_ns, value.monotonic_ns, value.realtime_ns, value.boottime_ns, value.bracket_ns)
+    stepped = getattr(value, "stepped", False)  # older drives do not say
+    return ClockPair(
+        value.raw_ns, value.monotonic_ns, value.realtime_ns, value.boottime_ns, value.bracket_ns, stepped
+    )
 
 
 def _utc_message(utc: UtcTime, _times: Times) -> bytes:
-    message = pb.UtcTime(raw_ns=utc.raw_ns, utc_ns=utc.utc_ns, sigma_ns=utc.sigma_ns, source=utc.source)
-    return message.SerializeToString()
+    return pb.UtcTime(
+        raw_ns=utc.raw_ns,
+        utc_ns=utc.utc_ns,
+        sigma_ns=utc.sigma_ns,
+        source=utc.source,
+        half_width_ns=utc.half_width_ns,
+    ).SerializeToString()
+
+
+def _utc(value: Any, _raw_ns: int, _sequence: int) -> UtcTime:
+    half_width_ns = value.half_width_ns if value.HasField("half_width_ns") else None
+    return UtcTime(value.raw_ns, value.utc_ns, value.sigma_ns, value.source, half_width_ns)
+
+
+def _frame_time_message(time: FrameTime, _times: Times) -> bytes:
+    return pb.FrameTime(**{name: getattr(time, name) for name in _FRAME_TIME}).SerializeToString()
 
 
 def _loss_message(loss: Loss, _times: Times) -> bytes:
@@ -181,12 +209,19 @@ KINDS: dict[type, Kind] = {
     Fix: Kind(
         _at("/gnss/fix"), LocationFix, _foxglove(foxglove.fix_message), _unnumbered(foxglove.fix_sample)
     ),
+    PpsEdge: Kind(
+        _at("/gnss/pps"),
+        pb.PpsEdge,
+        _pps_message,
+        lambda v, _raw_ns, _sequence: PpsEdge(stamp_from_proto(v.stamp), v.sequence),
+    ),
     ClockPair: Kind(_at("/clock/pairs"), pb.ClockPair, _pair_message, _pair),
-    UtcTime: Kind(
-        _at("/time/utc"),
-        pb.UtcTime,
-        _utc_message,
-        lambda v, _raw_ns, _sequence: UtcTime(v.raw_ns, v.utc_ns, v.sigma_ns, v.source),
+    UtcTime: Kind(_at("/time/utc"), pb.UtcTime, _utc_message, _utc),
+    FrameTime: Kind(
+        lambda s: time_topic(s.camera),
+        pb.FrameTime,
+        _frame_time_message,
+        lambda v, _raw_ns, _sequence: FrameTime(**{name: getattr(v, name) for name in _FRAME_TIME}),
     ),
     Loss: Kind(_at("/loss"), pb.Loss, _loss_message, _loss),
     Health: Kind(_at("/health"), pb.Health, _health_message, _health),
@@ -206,7 +241,7 @@ def raw_ns_of(record: Record) -> int | None:
     """The raw instant of a sample; None if nobody knows it, and for a `Loss`, which tells of others."""
     if isinstance(record, Loss):
         return None
-    if isinstance(record, (ClockPair, UtcTime, Health, LogLine)):
+    if isinstance(record, (ClockPair, UtcTime, FrameTime, Health, LogLine)):
         return record.raw_ns
     return record.stamp.raw_ns
 

@@ -6,7 +6,7 @@ from mcap.opcode import Opcode
 
 from recorder.errors import DriveError
 from recorder.storage import head as heads
-from recorder.storage.folder import drives_in, segment_name, segment_number
+from recorder.storage.folder import RETIMED, drives_in, segment_name, segment_number
 from recorder.storage.records import MAGIC, parse, span_at
 from recorder.storage.scan import scan_segment
 from recorder.storage.segment import Segment
@@ -49,7 +49,28 @@ def read_segments(path: Path) -> tuple[list[Segment], list[str]]:
         problems += segment.problems
     if not segments:
         raise DriveError("nothing in it can be read", where=str(path), todo=_WHAT_TO_GIVE)
-    return segments, problems + (_gaps(segments, files) if path.is_dir() else [])
+    if not path.is_dir():
+        return segments, problems
+    problems += _gaps(segments, files)
+    return segments + _added(path, segments, problems), problems
+
+
+def _added(path: Path, segments: list[Segment], problems: list[str]) -> list[Segment]:
+    """What was solved again later; it lies beside the segments and is left out if it is not theirs."""
+    file = path / RETIMED
+    if not file.exists():
+        return []
+    try:
+        added = read_segment(file)
+    except DriveError as error:
+        problems.append(str(error))
+        return []
+    drives = [(one.last_metadata(heads.DRIVE) or {}).get("drive") for one in (added, *segments)]
+    if drives[0] not in drives[1:]:
+        problems.append(f"{RETIMED}: belongs to drive {drives[0]!r}, and is left out")
+        return []
+    problems += added.problems
+    return [added]
 
 
 def read_segment(path: Path) -> Segment:

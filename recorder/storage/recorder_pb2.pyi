@@ -32,6 +32,10 @@ class Stamp(google.protobuf.message.Message):
     COMBINED_NS_FIELD_NUMBER: builtins.int
     UTC_NS_FIELD_NUMBER: builtins.int
     UTC_SIGMA_NS_FIELD_NUMBER: builtins.int
+    MONOTONIC_NS_FIELD_NUMBER: builtins.int
+    RAW_ERROR_NS_FIELD_NUMBER: builtins.int
+    EXPOSURE_RAW_NS_FIELD_NUMBER: builtins.int
+    EXPOSURE_SIGMA_NS_FIELD_NUMBER: builtins.int
     raw_ns: builtins.int
     """CLOCK_MONOTONIC_RAW (SMR)"""
     device_ns: builtins.int
@@ -48,6 +52,16 @@ class Stamp(google.protobuf.message.Message):
     """estimate of UTC, Unix-like"""
     utc_sigma_ns: builtins.int
     """one standard deviation of utc_ns"""
+    monotonic_ns: builtins.int
+    """CLOCK_MONOTONIC as the kernel stamped it"""
+    raw_error_ns: builtins.int
+    """bound of raw_ns; absent if it is the reading at arrival"""
+    exposure_raw_ns: builtins.int
+    """of a frame: raw time of the middle of its exposure;"""
+    exposure_sigma_ns: builtins.int
+    """utc_ns is then of that instant, else of raw_ns
+    one standard deviation of exposure_raw_ns
+    """
     def __init__(
         self,
         *,
@@ -59,17 +73,29 @@ class Stamp(google.protobuf.message.Message):
         combined_ns: builtins.int | None = ...,
         utc_ns: builtins.int | None = ...,
         utc_sigma_ns: builtins.int | None = ...,
+        monotonic_ns: builtins.int | None = ...,
+        raw_error_ns: builtins.int | None = ...,
+        exposure_raw_ns: builtins.int | None = ...,
+        exposure_sigma_ns: builtins.int | None = ...,
     ) -> None: ...
-    def HasField(self, field_name: typing.Literal["_combined_ns", b"_combined_ns", "_device_ns", b"_device_ns", "_gps_ns", b"_gps_ns", "_gps_raw_ns", b"_gps_raw_ns", "_raw_ns", b"_raw_ns", "_realtime_ns", b"_realtime_ns", "_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "combined_ns", b"combined_ns", "device_ns", b"device_ns", "gps_ns", b"gps_ns", "gps_raw_ns", b"gps_raw_ns", "raw_ns", b"raw_ns", "realtime_ns", b"realtime_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["_combined_ns", b"_combined_ns", "_device_ns", b"_device_ns", "_gps_ns", b"_gps_ns", "_gps_raw_ns", b"_gps_raw_ns", "_raw_ns", b"_raw_ns", "_realtime_ns", b"_realtime_ns", "_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "combined_ns", b"combined_ns", "device_ns", b"device_ns", "gps_ns", b"gps_ns", "gps_raw_ns", b"gps_raw_ns", "raw_ns", b"raw_ns", "realtime_ns", b"realtime_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_combined_ns", b"_combined_ns", "_device_ns", b"_device_ns", "_exposure_raw_ns", b"_exposure_raw_ns", "_exposure_sigma_ns", b"_exposure_sigma_ns", "_gps_ns", b"_gps_ns", "_gps_raw_ns", b"_gps_raw_ns", "_monotonic_ns", b"_monotonic_ns", "_raw_error_ns", b"_raw_error_ns", "_raw_ns", b"_raw_ns", "_realtime_ns", b"_realtime_ns", "_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "combined_ns", b"combined_ns", "device_ns", b"device_ns", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "gps_ns", b"gps_ns", "gps_raw_ns", b"gps_raw_ns", "monotonic_ns", b"monotonic_ns", "raw_error_ns", b"raw_error_ns", "raw_ns", b"raw_ns", "realtime_ns", b"realtime_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_combined_ns", b"_combined_ns", "_device_ns", b"_device_ns", "_exposure_raw_ns", b"_exposure_raw_ns", "_exposure_sigma_ns", b"_exposure_sigma_ns", "_gps_ns", b"_gps_ns", "_gps_raw_ns", b"_gps_raw_ns", "_monotonic_ns", b"_monotonic_ns", "_raw_error_ns", b"_raw_error_ns", "_raw_ns", b"_raw_ns", "_realtime_ns", b"_realtime_ns", "_utc_ns", b"_utc_ns", "_utc_sigma_ns", b"_utc_sigma_ns", "combined_ns", b"combined_ns", "device_ns", b"device_ns", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "gps_ns", b"gps_ns", "gps_raw_ns", b"gps_raw_ns", "monotonic_ns", b"monotonic_ns", "raw_error_ns", b"raw_error_ns", "raw_ns", b"raw_ns", "realtime_ns", b"realtime_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_combined_ns", b"_combined_ns"]) -> typing.Literal["combined_ns"] | None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_device_ns", b"_device_ns"]) -> typing.Literal["device_ns"] | None: ...
     @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_exposure_raw_ns", b"_exposure_raw_ns"]) -> typing.Literal["exposure_raw_ns"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_exposure_sigma_ns", b"_exposure_sigma_ns"]) -> typing.Literal["exposure_sigma_ns"] | None: ...
+    @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_gps_ns", b"_gps_ns"]) -> typing.Literal["gps_ns"] | None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_gps_raw_ns", b"_gps_raw_ns"]) -> typing.Literal["gps_raw_ns"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_monotonic_ns", b"_monotonic_ns"]) -> typing.Literal["monotonic_ns"] | None: ...
+    @typing.overload
+    def WhichOneof(self, oneof_group: typing.Literal["_raw_error_ns", b"_raw_error_ns"]) -> typing.Literal["raw_error_ns"] | None: ...
     @typing.overload
     def WhichOneof(self, oneof_group: typing.Literal["_raw_ns", b"_raw_ns"]) -> typing.Literal["raw_ns"] | None: ...
     @typing.overload
@@ -200,6 +226,31 @@ class NmeaSentence(google.protobuf.message.Message):
 Global___NmeaSentence: typing_extensions.TypeAlias = NmeaSentence
 
 @typing.final
+class PpsEdge(google.protobuf.message.Message):
+    """One pulse per second."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    STAMP_FIELD_NUMBER: builtins.int
+    SEQUENCE_FIELD_NUMBER: builtins.int
+    sequence: builtins.int
+    """the kernel's count"""
+    @property
+    def stamp(self) -> Global___Stamp:
+        """realtime_ns of the edge, raw_ns after it"""
+
+    def __init__(
+        self,
+        *,
+        stamp: Global___Stamp | None = ...,
+        sequence: builtins.int = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["stamp", b"stamp"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["sequence", b"sequence", "stamp", b"stamp"]) -> None: ...
+
+Global___PpsEdge: typing_extensions.TypeAlias = PpsEdge
+
+@typing.final
 class ClockPair(google.protobuf.message.Message):
     """The machine's clocks read at one instant."""
 
@@ -211,6 +262,7 @@ class ClockPair(google.protobuf.message.Message):
     BOOTTIME_NS_FIELD_NUMBER: builtins.int
     BRACKET_NS_FIELD_NUMBER: builtins.int
     LOG_OFFSET_NS_FIELD_NUMBER: builtins.int
+    STEPPED_FIELD_NUMBER: builtins.int
     raw_ns: builtins.int
     monotonic_ns: builtins.int
     realtime_ns: builtins.int
@@ -219,6 +271,8 @@ class ClockPair(google.protobuf.message.Message):
     """no clock was read further apart"""
     log_offset_ns: builtins.int
     """log_time - raw_ns of this drive"""
+    stepped: builtins.bool
+    """the wall clock was set since the pair before"""
     def __init__(
         self,
         *,
@@ -228,8 +282,9 @@ class ClockPair(google.protobuf.message.Message):
         boottime_ns: builtins.int = ...,
         bracket_ns: builtins.int = ...,
         log_offset_ns: builtins.int = ...,
+        stepped: builtins.bool = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["boottime_ns", b"boottime_ns", "bracket_ns", b"bracket_ns", "log_offset_ns", b"log_offset_ns", "monotonic_ns", b"monotonic_ns", "raw_ns", b"raw_ns", "realtime_ns", b"realtime_ns"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["boottime_ns", b"boottime_ns", "bracket_ns", b"bracket_ns", "log_offset_ns", b"log_offset_ns", "monotonic_ns", b"monotonic_ns", "raw_ns", b"raw_ns", "realtime_ns", b"realtime_ns", "stepped", b"stepped"]) -> None: ...
 
 Global___ClockPair: typing_extensions.TypeAlias = ClockPair
 
@@ -243,10 +298,15 @@ class UtcTime(google.protobuf.message.Message):
     UTC_NS_FIELD_NUMBER: builtins.int
     SIGMA_NS_FIELD_NUMBER: builtins.int
     SOURCE_FIELD_NUMBER: builtins.int
+    HALF_WIDTH_NS_FIELD_NUMBER: builtins.int
     raw_ns: builtins.int
     utc_ns: builtins.int
     sigma_ns: builtins.int
+    """one standard deviation"""
     source: builtins.str
+    """pps, gnss, hold-over"""
+    half_width_ns: builtins.int
+    """true UTC is within utc_ns +- this with 95 %"""
     def __init__(
         self,
         *,
@@ -254,10 +314,54 @@ class UtcTime(google.protobuf.message.Message):
         utc_ns: builtins.int = ...,
         sigma_ns: builtins.int = ...,
         source: builtins.str = ...,
+        half_width_ns: builtins.int | None = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["raw_ns", b"raw_ns", "sigma_ns", b"sigma_ns", "source", b"source", "utc_ns", b"utc_ns"]) -> None: ...
+    def HasField(self, field_name: typing.Literal["_half_width_ns", b"_half_width_ns", "half_width_ns", b"half_width_ns"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["_half_width_ns", b"_half_width_ns", "half_width_ns", b"half_width_ns", "raw_ns", b"raw_ns", "sigma_ns", b"sigma_ns", "source", b"source", "utc_ns", b"utc_ns"]) -> None: ...
+    def WhichOneof(self, oneof_group: typing.Literal["_half_width_ns", b"_half_width_ns"]) -> typing.Literal["half_width_ns"] | None: ...
 
 Global___UtcTime: typing_extensions.TypeAlias = UtcTime
+
+@typing.final
+class FrameTime(google.protobuf.message.Message):
+    """When a frame was exposed, solved again after the drive with all that is known of it."""
+
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    ID_FIELD_NUMBER: builtins.int
+    RAW_NS_FIELD_NUMBER: builtins.int
+    EXPOSURE_RAW_NS_FIELD_NUMBER: builtins.int
+    EXPOSURE_SIGMA_NS_FIELD_NUMBER: builtins.int
+    UTC_NS_FIELD_NUMBER: builtins.int
+    UTC_SIGMA_NS_FIELD_NUMBER: builtins.int
+    CAMERA_FIELD_NUMBER: builtins.int
+    id: builtins.int
+    """of the FelicsFrame"""
+    raw_ns: builtins.int
+    """of the FelicsFrame, as recorded"""
+    exposure_raw_ns: builtins.int
+    """raw time of the middle of its exposure"""
+    exposure_sigma_ns: builtins.int
+    """one standard deviation"""
+    utc_ns: builtins.int
+    """UTC of exposure_raw_ns"""
+    utc_sigma_ns: builtins.int
+    """one standard deviation"""
+    camera: builtins.str
+    def __init__(
+        self,
+        *,
+        id: builtins.int = ...,
+        raw_ns: builtins.int = ...,
+        exposure_raw_ns: builtins.int = ...,
+        exposure_sigma_ns: builtins.int = ...,
+        utc_ns: builtins.int = ...,
+        utc_sigma_ns: builtins.int = ...,
+        camera: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["camera", b"camera", "exposure_raw_ns", b"exposure_raw_ns", "exposure_sigma_ns", b"exposure_sigma_ns", "id", b"id", "raw_ns", b"raw_ns", "utc_ns", b"utc_ns", "utc_sigma_ns", b"utc_sigma_ns"]) -> None: ...
+
+Global___FrameTime: typing_extensions.TypeAlias = FrameTime
 
 @typing.final
 class Loss(google.protobuf.message.Message):

@@ -84,7 +84,7 @@ class _Check:
         counts_hold = self._drive.path.is_dir()
         for segment in self._drive.segments:
             self._check_segment(segment)
-            if counts_hold:
+            if counts_hold and segment.number is not None:
                 counts_hold = self._check_counts(segment)
             self._done += segment.size_bytes
         self._progress(self._total, self._total)

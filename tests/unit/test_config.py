@@ -38,7 +38,7 @@ def test_an_unknown_key_of_a_camera_is_told() -> None:
 
 def test_a_bad_value_is_told_with_what_would_be_right() -> None:
     line = problem({"drivers": {"gnss": {"source": "x", "baud": 9601}}})
-    assert "drivers.gnss.baud = 9601: input should be 4800, 9600" in line
+    assert "drivers.gnss.baud = 9601: input should be 'auto', 4800, 9600" in line
 
 
 def test_both_alternatives_of_a_union_are_told_once() -> None:

@@ -19,6 +19,7 @@ from recorder.samples import (
     Loss,
     LossCause,
     NmeaSentence,
+    PpsEdge,
     Preview,
     Record,
     Scan,
@@ -49,8 +50,10 @@ FIX = Fix(
     altitude_m=112.25,
     speed_m_s=27.7,
     course_deg=93.1,
+    dimensions=3,
+    leap_second=True,
 )
-NO_FIX = Fix(Stamp(raw_ns=raw_ns(2), gps_raw_ns=raw_ns(2)), valid=False, mode="V/N/0")
+NO_FIX = Fix(Stamp(raw_ns=raw_ns(2), gps_raw_ns=raw_ns(2)), valid=False, mode="V/N/0", problem="status V")
 SCAN = Scan(
     Stamp(raw_ns=raw_ns(1)),
     17,
@@ -65,11 +68,12 @@ SMALL: list[Record] = [
     FIX,
     NO_FIX,
     ClockPair(raw_ns(1), 2, 3, 4, 5),
-    UtcTime(raw_ns(1), UTC_NS, 300, "gnss"),
+    UtcTime(raw_ns(1), UTC_NS, 300, "gnss", 588),
     Loss("/gnss/raw", 5, 9, None, raw_ns(2), LossCause.DEVICE, "unplugged"),
     Health(raw_ns(1), "front", DeviceState.SILENT, "no packet", 17, 2),
     LogLine(raw_ns(1), "warning", "front", "no packet"),
     CanMessage(Stamp(raw_ns=raw_ns(1), realtime_ns=8), "can0", 0x123, b"\x01\x02", is_extended=True),
+    PpsEdge(Stamp(raw_ns=raw_ns(1), realtime_ns=UTC_NS), 41),
 ]
 
 
@@ -128,6 +132,16 @@ def _classes(schema: Any) -> Any:
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
 
 
+def test_a_drive_from_before_intervals_were_stated_gives_that_of_its_sigma(tmp_path: Path) -> None:
+    path = make_drive(tmp_path, [UtcTime(raw_ns(1), UTC_NS, 300, "gnss")])
+    with open_drive(path) as drive:
+        (message,) = drive.messages("/time/utc")
+    assert not message.value.HasField("half_width_ns")
+    assert isinstance(message.sample, UtcTime)
+    assert message.sample.half_width_ns is None
+    assert message.sample.interval_ns == (UTC_NS - 588, UTC_NS + 588)
+
+
 def test_the_reference_reader_reads_every_message(tmp_path: Path) -> None:
     path = make_drive(tmp_path, [*frames(5), *frames(5, camera="tag"), *SMALL, SCAN])
     found: Counter[tuple[str, str]] = Counter()
@@ -151,6 +165,7 @@ def test_the_reference_reader_reads_every_message(tmp_path: Path) -> None:
         ("/camera/front/preview", "foxglove.CompressedImage"): 1,
         ("/gnss/raw", "recorder.NmeaSentence"): 1,
         ("/gnss/fix", "foxglove.LocationFix"): 2,
+        ("/gnss/pps", "recorder.PpsEdge"): 1,
         ("/clock/pairs", "recorder.ClockPair"): 1,
         ("/time/utc", "recorder.UtcTime"): 1,
         ("/loss", "recorder.Loss"): 1,
