@@ -1,6 +1,6 @@
 #!/bin/sh
-# Round trips and broken images under the address and undefined-behaviour sanitizers: the kernels for
-# this processor and the portable ones. Usage: tools/sanitize.sh [PICTURES]
+# Round trips and broken images under the address and undefined-behaviour sanitizers: the best kernels for
+# this processor and the scalar ones. Usage: tools/sanitize.sh [PICTURES]
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 kernels=$root/recorder/kernels
@@ -9,7 +9,7 @@ trap 'rm -rf "$build"' EXIT
 flags="-std=c++17 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -Wall -Wextra -I$kernels"
 for source in "$root/tools/sanitize.cpp" $(find "$kernels" -name '*.cpp' ! -name bindings.cpp); do
     case $source in
-        *_avx2.cpp) wide="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe" ;;
+        *_vector.cpp) wide="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe" ;;
         *) wide="" ;;
     esac
     # shellcheck disable=SC2086  # one flag a word
@@ -17,4 +17,4 @@ for source in "$root/tools/sanitize.cpp" $(find "$kernels" -name '*.cpp' ! -name
 done
 "${CXX:-g++}" -fsanitize=address,undefined "$build"/*.o -o "$build/sanitize"
 "$build/sanitize" "${1:-1000}"
-RECORDER_PORTABLE_KERNELS=1 "$build/sanitize" "${1:-1000}"
+RECORDER_KERNELS=scalar "$build/sanitize" "${1:-1000}"

@@ -13,6 +13,7 @@ from recorder.kernels._kernels import (
     felics_train,
     felics_usual_table,
     find_marker,
+    instruction_set,
     unpack_mono10p,
 )
 
@@ -29,5 +30,6 @@ __all__ = [
     "felics_train",
     "felics_usual_table",
     "find_marker",
+    "instruction_set",
     "unpack_mono10p",
 ]

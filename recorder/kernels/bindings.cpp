@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <array>
+#include <stdexcept>
 #include <utility>
 
 #include "buffer.hpp"
+#include "cpu.hpp"
 #include "crc32c.hpp"
 #include "error.hpp"
 #include "felics.hpp"
@@ -172,6 +174,15 @@ void mono10p(nb::handle data, nb::ndarray<std::uint16_t, nb::c_contig, nb::devic
     unpack_mono10p(pixels, count, buffer.data());
 }
 
+// Called first at import: what is wrong with RECORDER_KERNELS becomes the ImportError.
+const char *set_name() {
+    try {
+        return name_of(instruction_set());
+    } catch (const ArgumentError &error) {
+        throw std::runtime_error(error.what);
+    }
+}
+
 void translate(const std::exception_ptr &pointer, void *payload) {
     try {
         std::rethrow_exception(pointer);
@@ -190,6 +201,7 @@ void translate(const std::exception_ptr &pointer, void *payload) {
 
 NB_MODULE(_kernels, m) {
     using namespace recorder;
+    set_name();
     nb::object format_error = nb::steal(PyErr_NewException("recorder.kernels.FormatError", PyExc_ValueError, nullptr));
     m.attr("FormatError") = format_error;
     nb::register_exception_translator(translate, format_error.ptr());
@@ -207,6 +219,7 @@ NB_MODULE(_kernels, m) {
     m.def("felics_header", header_fields, "data"_a);
     m.def("felics_shape", image_shape, "data"_a);
     m.def("felics_decode_into", decode_into, "data"_a, nb::arg("out").noconvert());
+    m.def("instruction_set", set_name);
     m.def("find_marker", find_marker, "data"_a, "start"_a);
     m.def("crc32c", checksum<crc32c>, "data"_a);
     m.def("crc32c_portable", checksum<crc32c_portable>, "data"_a);

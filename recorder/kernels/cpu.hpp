@@ -1,8 +1,6 @@
 // Instructions beyond the baseline, chosen when the process starts.
 #pragma once
 
-#include <cstdlib>
-
 #if defined(__x86_64__)
 #define RECORDER_HAS_WIDE 1
 // A function compiled for every x86-64 since 2013 (Intel Haswell, AMD Excavator); call it only if has_wide().
@@ -14,16 +12,20 @@
 
 namespace recorder {
 
-// Whether RECORDER_WIDE functions and those of the *_avx2.cpp files may be called. Without them (other
+// In the order of their power.
+enum class InstructionSet { scalar, avx2 };
+
+// What RECORDER_KERNELS in the environment names, or the best that the processor has. Throws ArgumentError if
+// the name is unknown or the processor lacks it; once it has returned it always gives the same.
+InstructionSet instruction_set();
+
+// Its name, as in RECORDER_KERNELS.
+const char *name_of(InstructionSet set);
+
+// Whether RECORDER_WIDE functions and the kernels of the set avx2 may be called. Without them (other
 // machines) it is false when compiled, and no call of theirs remains.
-// RECORDER_PORTABLE_KERNELS in the environment holds a process to the baseline, for tests.
 #if RECORDER_HAS_WIDE
-inline bool has_wide() {
-    static const bool has = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 &&
-                            __builtin_cpu_supports("bmi2") != 0 && __builtin_cpu_supports("lzcnt") != 0 && __builtin_cpu_supports("movbe") != 0 &&
-                            std::getenv("RECORDER_PORTABLE_KERNELS") == nullptr;
-    return has;
-}
+inline bool has_wide() { return instruction_set() >= InstructionSet::avx2; }
 #else
 constexpr bool has_wide() { return false; }
 #endif

@@ -2,12 +2,11 @@
 
 #include "cpu.hpp"
 #include "crc32c.hpp"
-#include "decode_avx2.hpp"
-#include "decode_ls_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "scratch.hpp"
 #include "stuffing.hpp"
+#include "vector_kernels.hpp"
 
 namespace recorder {
 namespace {
@@ -105,8 +104,10 @@ class Decoder {
     }
 
     void run() {
-        if (has_wide() && avx2::decodes(h_) && decode_wave(avx2::decode_rows)) return;
-        if (has_wide() && avx2::decodes_ls(h_) && decode_wave(avx2::decode_ls_rows)) return;
+        if (const VectorKernels *vectors = vector_kernels(); vectors != nullptr) {
+            if (vectors->decodes(h_) && decode_wave(vectors->decode_rows)) return;
+            if (vectors->decodes_ls(h_) && decode_wave(vectors->decode_ls_rows)) return;
+        }
         if (h_.model == Model::raw) {
             for (std::uint32_t y = 0; y < h_.height; ++y) unpack_row(y);
         } else if (h_.model == Model::felics_ls) {
@@ -129,7 +130,7 @@ class Decoder {
     }
 
     // False if the image is broken: then decoding row by row tells where.
-    bool decode_wave(decltype(avx2::decode_rows) decode_rows) {
+    bool decode_wave(DecodeRows *decode_rows) {
         thread_local Scratch<std::uint16_t> scratch;
         const std::array<Cursor, most_streams> before = cursors_;
         if (h_.model == Model::felics_ls) {
@@ -137,7 +138,7 @@ class Decoder {
         } else {
             decode_one(0);
         }
-        avx2::StreamEnds streams[written_streams];
+        StreamEnds streams[written_streams];
         for (std::uint32_t s = 0; s < written_streams; ++s)
             streams[s] = {static_cast<std::uint32_t>(cursors_[s].bit), static_cast<std::uint32_t>(cursors_[s].end)};
         if (decode_rows(image_, scratch.reserve(h_.width), payload_, h_, streams)) {

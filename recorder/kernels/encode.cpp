@@ -3,13 +3,12 @@
 
 #include "cpu.hpp"
 #include "crc32c.hpp"
-#include "encode_avx2.hpp"
-#include "encode_ls_avx2.hpp"
 #include "error.hpp"
 #include "felics.hpp"
 #include "rows.hpp"
 #include "scratch.hpp"
 #include "stuffing.hpp"
+#include "vector_kernels.hpp"
 
 namespace recorder {
 namespace {
@@ -75,8 +74,8 @@ RECORDER_WIDE void encode_stretch_wide(BitWriter &writer, const Stretch &stretch
 }
 
 void pack_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
-    if (has_wide() && depth <= avx2::deepest_encoded) {
-        avx2::pack_row(writer, row, width, depth);
+    if (const VectorKernels *vectors = vector_kernels(); vectors != nullptr && depth <= deepest_encoded) {
+        vectors->pack_row(writer, row, width, depth);
         return;
     }
     BitWriter out = writer;
@@ -92,8 +91,9 @@ void pack_rows(Writers &writers, const std::uint16_t *pixels, const Header &head
 // Checks all pixels, codes them by the model felics, and notes their checksum: one pass over the memory.
 void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) {
     const EncodeStretch encode_rest = has_wide() ? encode_stretch_wide : encode_stretch_anywhere;
-    const bool in_lanes = has_wide() && header.depth <= avx2::deepest_encoded &&
-                          header.width >= avx2::narrowest_encoded;
+    const VectorKernels *vectors = vector_kernels();
+    const bool in_lanes = vectors != nullptr && header.depth <= deepest_encoded &&
+                          header.width >= vectors->narrowest_encoded;
     const WideKTable table = widen(header.table);
     std::uint32_t crc = crc32c_start;
     for (std::uint32_t y = 0; y < header.height; ++y) {
@@ -101,7 +101,7 @@ void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) 
         BitWriter &writer = writers[y % written_streams];
         check_row(row, header.width, header.depth);
         if (in_lanes && y > 0) {
-            crc = avx2::encode_row(writer, row, header.width, header.depth, header.table, crc);
+            crc = vectors->encode_row(writer, row, header.width, header.depth, header.table, crc);
             continue;
         }
         // In the topmost row the left neighbour stands for the upper one, and middle grey for both.
@@ -144,17 +144,18 @@ void encode_ls(Writers &writers, const std::uint16_t *pixels, Header &header) {
         encode_ls_row(writers[y % written_streams], row, y, header);
         return crc32c_update(crc, row, header.width * sizeof *row);
     };
-    if (!has_wide() || header.width < avx2::narrowest_encoded) {
+    const VectorKernels *vectors = vector_kernels();
+    if (vectors == nullptr || header.width < vectors->narrowest_encoded) {
         encode_ls_rows(pixels, header, scalar);
         return;
     }
     thread_local Scratch<std::uint16_t> scratch;
-    avx2::LsLines lines(scratch.reserve(avx2::LsLines::size(header.width)), header.width);
+    LsLines lines(scratch.reserve(LsLines::size(header.width)), header.width);
     encode_ls_rows(pixels, header, [&](const std::uint16_t *row, std::uint32_t y, std::uint32_t crc) {
         lines.add(row, y > 0 ? *(row - header.width) : 1u << (header.depth - 1u));
         if (y == 0) return scalar(row, y, crc);
-        return avx2::encode_ls_row(writers[y % written_streams], lines, row, header.width, y > 1, header.depth,
-                                   header.ls_table, crc);
+        return vectors->encode_ls_row(writers[y % written_streams], lines, row, header.width, y > 1, header.depth,
+                                      header.ls_table, crc);
     });
 }
 
@@ -198,8 +199,8 @@ std::size_t frame(std::uint8_t *target, Header &header, const Payload &payload) 
 
 void check_row(const std::uint16_t *row, std::uint32_t width, std::uint32_t depth) {
     std::uint32_t seen = 0;
-    if (has_wide()) {
-        seen = avx2::bits_in_use(row, width);
+    if (const VectorKernels *vectors = vector_kernels(); vectors != nullptr) {
+        seen = vectors->bits_in_use(row, width);
     } else {
         for (std::uint32_t x = 0; x < width; ++x) seen |= row[x];
     }

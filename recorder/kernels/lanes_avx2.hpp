@@ -1,5 +1,4 @@
-// The vector operations that the kernels need, by the width of the numbers: 256 bits of AVX2. A wider
-// machine would bring a header of the same names; the kernels themselves name no instruction.
+// The vector operations that the kernels need, by the width of the numbers: 256 bits of AVX2.
 #pragma once
 
 #include <immintrin.h>

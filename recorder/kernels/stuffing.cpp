@@ -2,9 +2,8 @@
 
 #include <cstring>
 
-#include "cpu.hpp"
 #include "error.hpp"
-#include "stuffing_avx2.hpp"
+#include "vector_kernels.hpp"
 
 namespace recorder {
 namespace {
@@ -28,9 +27,9 @@ std::size_t span_through(const std::uint8_t *source, std::size_t size, int byte,
 bool stuff(std::uint8_t *&target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
            std::size_t &extra) {
     std::uint8_t *out = target;
-    if (has_wide()) {
-        avx2::Span rest{target, source, size};
-        if (!avx2::stuff(rest, mask, extra)) return false;
+    if (const VectorKernels *vectors = vector_kernels(); vectors != nullptr) {
+        Span rest{target, source, size};
+        if (!vectors->stuff(rest, mask, extra)) return false;
         out = rest.target;
         source = rest.source;
         size = rest.size;
@@ -54,9 +53,9 @@ bool stuff(std::uint8_t *&target, const std::uint8_t *source, std::size_t size, 
 std::size_t unstuff(std::uint8_t *target, const std::uint8_t *source, std::size_t size, std::uint8_t mask,
                     std::size_t offset) {
     std::uint8_t *out = target;
-    if (has_wide()) {
-        avx2::Span rest{target, source, size};
-        avx2::unstuff(rest, mask);
+    if (const VectorKernels *vectors = vector_kernels(); vectors != nullptr) {
+        Span rest{target, source, size};
+        vectors->unstuff(rest, mask);
         out = rest.target;
         offset += static_cast<std::size_t>(rest.source - source);
         source = rest.source;

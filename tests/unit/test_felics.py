@@ -371,16 +371,29 @@ def test_every_processor_writes_the_same_bytes() -> None:
         "        data = codec.encode(image, bit_depth=bits, model=model)\n"
         "        assert np.array_equal(codec.decode(data), image)\n"
         "        print(kernels.crc32c(data), len(data))\n"
+        "print(kernels.instruction_set(), file=sys.stderr)\n"
     )
-    plain = {name: value for name, value in os.environ.items() if name != "RECORDER_PORTABLE_KERNELS"}
-    outputs = [
-        subprocess.run(
-            [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
-        ).stdout
-        for environment in (plain, plain | {"RECORDER_PORTABLE_KERNELS": "1"})
-    ]
-    assert outputs[0]
-    assert outputs[0] == outputs[1]
+    best, scalar = (run_with_kernels(name, script) for name in (None, "scalar"))
+    assert best.returncode == scalar.returncode == 0, best.stderr + scalar.stderr
+    assert scalar.stderr == "scalar\n"
+    assert best.stdout
+    assert best.stdout == scalar.stdout
+
+
+def run_with_kernels(name: str | None, script: str) -> subprocess.CompletedProcess[str]:
+    """Python with RECORDER_KERNELS set to ``name``, or unset."""
+    environment = {key: value for key, value in os.environ.items() if key != "RECORDER_KERNELS"}
+    if name is not None:
+        environment["RECORDER_KERNELS"] = name
+    return subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_kernels_that_nobody_knows_are_refused_at_import() -> None:
+    refused = run_with_kernels("mmx", "import recorder.kernels")
+    assert refused.returncode == 1
+    assert refused.stderr.splitlines()[-1].startswith("ImportError: RECORDER_KERNELS is scalar")
 
 
 @given(data=st.binary(max_size=200))

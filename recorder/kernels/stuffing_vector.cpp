@@ -1,8 +1,8 @@
-#include "stuffing_avx2.hpp"
+#include "vector_set.hpp"
 
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::size_t block = sizeof(Lanes);
 
@@ -47,4 +47,4 @@ void unstuff(Span &span, std::uint8_t mask) {
     span = at;
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

@@ -1,12 +1,10 @@
-// The model felics-ls in 16-bit lanes, 32 pixels a step.
+// What the model felics-ls looks at, laid out for vectors.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
-#include "bits.hpp"
-#include "model_ls.hpp"
-
-namespace recorder::avx2 {
+namespace recorder {
 
 // The last three rows with what stands for the pixels beside them, so that no step has edges to mind.
 class LsLines {
@@ -28,9 +26,4 @@ class LsLines {
     std::uint16_t *lines_[3];
 };
 
-// Appends the newest row, which has a row above it, and returns `crc` (a running CRC-32C register) moved on over
-// its pixels, which also stand at `row`.
-std::uint32_t encode_ls_row(BitWriter &writer, const LsLines &lines, const std::uint16_t *row, std::uint32_t width,
-                            bool two_above, std::uint32_t depth, const LsTable &table, std::uint32_t crc);
-
-}  // namespace recorder::avx2
+}  // namespace recorder

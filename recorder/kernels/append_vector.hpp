@@ -3,9 +3,9 @@
 #pragma once
 
 #include "bits.hpp"
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::uint32_t step_pixels = 2 * lanes16;
 
@@ -97,4 +97,4 @@ class Merger {
     Lanes ones_ = kept(all16(1)), word_bits_ = kept(all64(64)), longest_word_ = kept(all64(63));
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

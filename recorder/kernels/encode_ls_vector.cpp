@@ -1,12 +1,12 @@
-#include "encode_ls_avx2.hpp"
+#include "vector_set.hpp"
 
 #include <algorithm>
 
-#include "checksum_avx2.hpp"
-#include "code_avx2.hpp"
-#include "model_ls_avx2.hpp"
+#include "checksum_vector.hpp"
+#include "code_vector.hpp"
+#include "model_ls_vector.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 namespace {
 
 class LsPixelEncoder {
@@ -36,19 +36,6 @@ class LsPixelEncoder {
 };
 
 }  // namespace
-
-LsLines::LsLines(std::uint16_t *memory, std::uint32_t width) : width_(width) {
-    std::fill_n(memory, size(width), std::uint16_t{0});
-    for (std::uint32_t i = 0; i < 3; ++i)
-        lines_[i] = memory + i * (std::size_t{width} + before + behind) + before;
-}
-
-void LsLines::add(const std::uint16_t *row, std::uint32_t beside) {
-    std::rotate(lines_, lines_ + 2, lines_ + 3);
-    std::copy_n(row, width_, lines_[0]);
-    lines_[0][-1] = lines_[0][-2] = static_cast<std::uint16_t>(beside);
-    lines_[0][width_] = row[width_ - 1];
-}
 
 std::uint32_t encode_ls_row(BitWriter &bits, const LsLines &lines, const std::uint16_t *row, std::uint32_t width,
                             bool two_above, std::uint32_t depth, const LsTable &table, std::uint32_t first_crc) {
@@ -87,4 +74,4 @@ std::uint32_t encode_ls_row(BitWriter &bits, const LsLines &lines, const std::ui
     return static_cast<std::uint32_t>(crc);
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

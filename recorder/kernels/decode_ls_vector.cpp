@@ -1,10 +1,10 @@
-#include "decode_ls_avx2.hpp"
+#include "vector_set.hpp"
 
-#include "model_ls_avx2.hpp"
-#include "wavefront_avx2.hpp"
-#include "wide_avx2.hpp"
+#include "model_ls_vector.hpp"
+#include "wavefront_vector.hpp"
+#include "wide.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 namespace {
 
 constexpr std::uint32_t delay = 2;  // a row needs its upper right neighbour
@@ -22,10 +22,10 @@ RECORDER_INLINE void store_pair(std::uint16_t *p, const Pair &a) {
     store(p + lanes16, a.part[1]);
 }
 RECORDER_INLINE Pair choose(const Pair &mask, const Pair &yes, const Pair &no) {
-    return {{avx2::choose(mask.part[0], yes.part[0], no.part[0]), avx2::choose(mask.part[1], yes.part[1], no.part[1])}};
+    return {{RECORDER_VECTOR::choose(mask.part[0], yes.part[0], no.part[0]), RECORDER_VECTOR::choose(mask.part[1], yes.part[1], no.part[1])}};
 }
 RECORDER_INLINE Pair shifted_up16(Lanes first, const Pair &a) {
-    return {{avx2::shifted_up16(first, a.part[0]), avx2::shifted_up16(a.part[0], a.part[1])}};
+    return {{RECORDER_VECTOR::shifted_up16(first, a.part[0]), RECORDER_VECTOR::shifted_up16(a.part[0], a.part[1])}};
 }
 RECORDER_INLINE Wide widened(Lanes a) { return {{widened_low16(a), widened_high16(a)}}; }
 
@@ -223,4 +223,4 @@ bool decode_ls_rows(std::uint16_t *image, std::uint16_t *sink, const std::uint8_
     return LsWave(image, sink, payload, header, streams).run();
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

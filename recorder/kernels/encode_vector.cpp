@@ -1,12 +1,12 @@
-#include "encode_avx2.hpp"
+#include "vector_set.hpp"
 
 #include <algorithm>
 #include <cstring>
 
-#include "checksum_avx2.hpp"
-#include "code_avx2.hpp"
+#include "checksum_vector.hpp"
+#include "code_vector.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 namespace {
 
 // encode_pixel of code.hpp. Numbers with "_twice" hold the same byte twice, as table indices do.
@@ -125,4 +125,4 @@ std::uint32_t bits_in_use(const std::uint16_t *row, std::uint32_t width) {
     return rest;
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

@@ -1,10 +1,10 @@
 // LsInterval of model_ls.hpp in 16-bit lanes.
 #pragma once
 
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 #include "model_ls.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 struct LsNeighbourLanes {
     Lanes a, b, c, d, e, f;
@@ -83,4 +83,4 @@ class LsModel {
     Lanes nibble_ = kept(all16(0x0F0F)), high_bit_ = kept(all16(0x8000)), low_bit_ = kept(all16(0x0080));
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

@@ -1,11 +1,11 @@
 // What both models' code words share, in 16-bit lanes: the choice between inside, outside and escape.
 #pragma once
 
-#include "append_avx2.hpp"
+#include "append_vector.hpp"
 #include "code.hpp"
-#include "logarithm_avx2.hpp"
+#include "lanes.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 class CodeAssembler {
   public:
@@ -36,4 +36,4 @@ class CodeAssembler {
     Lanes fifteen_twice_ = kept(all16(0x0F0F)), last_quotient_ = kept(all16(escape_zeros - 2));
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

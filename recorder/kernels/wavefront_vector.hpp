@@ -5,9 +5,9 @@
 #include <array>
 #include <cstdint>
 
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::uint32_t wave_rows = 32;
 constexpr std::uint32_t wave_steps = 8;  // results are held for so many steps and then stored together
@@ -116,4 +116,4 @@ class WaveRows {
     std::array<std::uint16_t *, wave_rows> rows_, last_;
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

@@ -1,11 +1,11 @@
-#include "decode_avx2.hpp"
+#include "vector_set.hpp"
 
 #include <algorithm>
 
-#include "wavefront_avx2.hpp"
-#include "wide_avx2.hpp"
+#include "wavefront_vector.hpp"
+#include "wide.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 namespace {
 
 // What the lanes know from step to step.
@@ -184,4 +184,4 @@ bool decode_rows(std::uint16_t *image, std::uint16_t *sink, const std::uint8_t *
     return Wave(image, sink, payload, header, streams).run();
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

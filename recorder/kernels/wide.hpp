@@ -5,9 +5,9 @@
 
 #include <type_traits>
 
-#include "lanes_avx2.hpp"
+#include "lanes.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 constexpr std::uint32_t wide_parts = 2;
 constexpr std::uint32_t wide_lanes = wide_parts * lanes32;
@@ -116,4 +116,4 @@ class BigEndianGather {
         _mm_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12)));
 };
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

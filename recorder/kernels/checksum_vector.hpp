@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <cstring>
 
-#include "append_avx2.hpp"
+#include "append_vector.hpp"
 
-namespace recorder::avx2 {
+namespace recorder::RECORDER_VECTOR {
 
 RECORDER_INLINE std::uint64_t checksum_step(std::uint64_t crc, const std::uint16_t *pixels) {
     for (std::uint32_t i = 0; i < step_pixels; i += 4) {
@@ -25,4 +25,4 @@ inline std::uint64_t checksum_rest(std::uint64_t crc, const std::uint16_t *pixel
     return crc;
 }
 
-}  // namespace recorder::avx2
+}  // namespace recorder::RECORDER_VECTOR

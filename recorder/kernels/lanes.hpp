@@ -1,0 +1,8 @@
+// The vector operations that the kernels need, of the instruction set that this file is compiled for. The
+// sources named *_vector.cpp and their headers name no instruction: they are compiled once for each set, into
+// the namespace recorder::RECORDER_VECTOR.
+#pragma once
+
+#include "lanes_avx2.hpp"
+#include "logarithm_avx2.hpp"
+#define RECORDER_VECTOR avx2
