@@ -87,7 +87,9 @@ def config_check(
         print_json({"ok": True, "settings": settings.model_dump(mode="json")})
         return 0
     rows = [(f"camera {name}", camera.source) for name, camera in settings.drivers.camera.items()]
-    rows += [("gnss", settings.drivers.gnss.source)] if settings.drivers.gnss else []
+    if settings.drivers.gnss is not None:
+        rows.append(("gnss", settings.drivers.gnss.source))
+        rows += [("pps", settings.drivers.gnss.pps)] if settings.drivers.gnss.pps else []
     print_table(f"{file}: sound", ("device", "source"), [*rows, ("drives", settings.storage.out)])
     return 0
 

@@ -92,7 +92,7 @@ class ReceiverSetup:
         self._since_ns: int | None = None
         self._heard, self._looked_at = bytearray(), 0
         self._found: Counter[str] = Counter()
-        self._text_lines = self._passed = self._tries = self._framing = 0
+        self._text_lines = self._passed = self._tries = self._framing = self._bytes = 0
         self._commanded, self._new_baud = 0, self.baud
         self._kinds: Counter[str] = Counter()
         self._settled = False
@@ -113,6 +113,7 @@ class ReceiverSetup:
         if self._since_ns is None:
             self._since_ns = now_ns
         self._heard += data
+        self._bytes += len(data)
         if len(self._heard) > _KEPT_BYTES:
             del self._heard[:-_KEPT_BYTES]
             self._looked_at = 0
@@ -128,7 +129,7 @@ class ReceiverSetup:
             self._forget()
         if len(self._heard) > GARBAGE_BYTES:
             self._begin("hunting", now_ns)
-            self.speaks = ""
+            self._bytes, self.speaks = 0, ""
             return [Say("warning", f"no NMEA any more at {self.baud} baud, looking for it again")]
         self._kinds.update(kinds)
         return self._watch(now_ns)
@@ -143,9 +144,9 @@ class ReceiverSetup:
             self._tries = 0
             say = Say("info", f"speaks SiRF binary at {self.baud} baud, is told to speak NMEA")
             return [say, *self._switch()]
-        if found and sum(found.values()) > 1:
+        name, count = (found.most_common(1) or [("", 0)])[0]
+        if count > 1:
             if since_ns > BINARY_NS:
-                name = found.most_common(1)[0][0]
                 raise self._unsuitable(name, "switch it to NMEA with its maker's program")
             return []
         dwell_ns = DWELL_NS << min(self._passed // len(self._rates), 2)
@@ -154,13 +155,12 @@ class ReceiverSetup:
         return self._next_rate(now_ns) if leave else []
 
     def _next_rate(self, now_ns: int) -> list[Action]:
-        heard = len(self._heard)
         self._begin("hunting", now_ns)
         self._passed += 1
         actions: list[Action] = []
         if self._passed == len(self._rates):
             at = f"{self.baud}" if len(self._rates) == 1 else f"any rate from {min(RATES)} to {max(RATES)}"
-            what = f"only bytes that are none, {heard} lately" if heard else "nothing at all"
+            what = f"{self._bytes} bytes that make no sense" if self._bytes else "nothing at all"
             actions.append(Say("warning", f"no NMEA at {at} baud, {what}; going on to listen"))
         if len(self._rates) > 1:
             self.baud = self._rates[(self._rates.index(self.baud) + 1) % len(self._rates)]
@@ -185,17 +185,17 @@ class ReceiverSetup:
         since_ns = now_ns - (self._since_ns or 0)
         if self._new_baud != self.baud and since_ns > LEAVING_NS:
             self.baud = self._new_baud
+            self._rates = tuple(dict.fromkeys((*self._rates, self.baud)))
             self._forget()
             return [SetBaud(self.baud)]
         if since_ns <= ANSWER_NS:
             return []
-        found = self._look()
-        self._begin("switching", now_ns)
-        if not found[_SIRF]:
+        if not self._look()[_SIRF]:
             self._begin("hunting", now_ns)
             return []
         if self._tries >= TRIES:
             raise self._unsuitable(_SIRF, "it does not obey the command to speak NMEA: unplug and plug it")
+        self._begin("switching", now_ns)
         return self._switch()
 
     def _listen(self, now_ns: int, *, sound: bool) -> list[Action]:

@@ -7,6 +7,7 @@ import json
 import socket
 from collections.abc import Iterator
 from datetime import datetime
+from math import isfinite
 from types import MappingProxyType
 from typing import Any
 from urllib.parse import SplitResult, urlsplit
@@ -258,7 +259,8 @@ def _clock_ns(report: dict[str, Any]) -> int | None:
 
 def _number(report: dict[str, Any], key: str, kind: type[Any]) -> Any:
     value = report.get(key)
-    return kind(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    known = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    return kind(value) if known else None
 
 
 def _time(text: object) -> int | None:

@@ -1,11 +1,15 @@
 """The receiver's driver against the SiRF twin: rates, protocols, commands and every fault of the line."""
 
+import json
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+import recorder
 from recorder.clock import SYSTEM_CLOCK
 from recorder.config import GnssSection
 from recorder.drivers.gnss import GnssReceiver
@@ -151,8 +155,8 @@ def test_a_receiver_that_loses_its_settings_is_found_and_told_again() -> None:
 class _Tapped(SirfReceiver):
     """Keeps what it has put on the line."""
 
-    def __init__(self, told: Paced, *, baud: int) -> None:
-        super().__init__(told, baud=baud)
+    def __init__(self, told: Paced, *, baud: int, binary: bool = False) -> None:
+        super().__init__(told, baud=baud, binary=binary)
         self.tapped: list[bytes] = []
 
     def _put(self, data: bytes) -> None:
@@ -283,3 +287,47 @@ def test_an_unplugged_receiver_is_absent_until_it_is_there_again(tmp_path: Path)
         port.unlink()
         with pytest.raises(DeviceAbsent):
             driver.open()
+
+
+def test_a_recording_holds_every_byte_and_what_was_found_out(tmp_path: Path) -> None:
+    with _Tapped(Paced(0.25), baud=9600, binary=True) as twin:
+        command = ["record", str(twin.path), "--out", str(tmp_path), "--seconds", "9", "--json"]
+        done = subprocess.run(
+            [sys.executable, "-m", "recorder", *command], capture_output=True, text=True, check=False
+        )
+        said = b"".join(twin.tapped)
+    assert done.returncode == 0, done.stderr
+    with recorder.open_drive(json.loads(done.stdout)["drive"]) as drive:
+        heard = b"".join(message.value.data for message in drive.messages("/gnss/raw"))
+        log = [message.value.message for message in drive.messages("/log")]
+        states = {
+            pair.key: pair.value for message in drive.messages("/gnss/fix") for pair in message.value.metadata
+        }
+    assert heard in said
+    assert len(heard) > 2000
+    assert "speaks SiRF binary at 9600 baud, is told to speak NMEA" in log
+    assert "speaks NMEA at 9600 baud, switched from SiRF binary" in log
+    assert (states["valid"], states["mode"], states["dimensions"]) == ("true", "A/A/1", "3")
+
+
+def test_a_recording_of_a_receiver_that_speaks_something_else_says_so_in_one_line(tmp_path: Path) -> None:
+    with SirfReceiver(Paced(0.25), baud=4800, binary=True, obeys=False) as twin:
+        command = ["record", str(twin.path), "--baud", "4800", "--out", str(tmp_path), "--seconds", "20"]
+        done = subprocess.run(
+            [sys.executable, "-m", "recorder", *command], capture_output=True, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if "SiRF binary" in line]
+    assert "speaks SiRF binary, not NMEA; it does not obey" in line
+
+
+@pytest.mark.parametrize("baud", ["4801", "fast", "-1"])
+def test_a_rate_that_is_none_is_bad_input(tmp_path: Path, baud: str) -> None:
+    command = ["record", "/dev/ttyUSB9", "--baud", baud, "--out", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, "-m", "recorder", *command], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "drivers.gnss.baud" in done.stderr
+    assert "Traceback" not in done.stderr

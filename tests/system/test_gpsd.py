@@ -10,12 +10,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from recorder.clock import SYSTEM_CLOCK
 from recorder.config import GnssSection
-from recorder.drivers.gpsd import GpsdClient
+from recorder.drivers.gpsd import GpsdClient, _Stream
 from recorder.errors import DeviceAbsent, DeviceLost, DeviceUnsuitable
 from recorder.samples import Fix, LogLine, NmeaSentence, Sample
+from recorder.simulation.nmea_pty import sentence
 from recorder.simulation.sirf_receiver import Instant, SirfReceiver
 
 SECOND_NS = 1_000_000_000
@@ -167,6 +170,23 @@ def test_what_is_no_gpsd_is_refused(greeting: bytes) -> None:
             listen(driver, 2.0)
         driver.close()
         thread.join()
+
+
+@given(st.lists(st.one_of(
+    st.binary(max_size=60),
+    st.sampled_from([
+        b'{"class":"VERSION"}\n',
+        b'{"class":"TPV","mode":3,"time":"2024-02-05T12:00:00.000Z","lat":1,"lon":2}\n',
+        b'{"class":"TPV","mode":"x","time":5}\n', b'{"class":"PPS","clock_sec":1,"clock_nsec":2}\n', b"{}\n",
+        b'{"class":"DEVICES","devices":[1,{"activated":1}]}\n', b'{"class":"SKY","uSat":1e400}\n', b"[]\n",
+        b'{"class":"TOFF","clock_sec":"a"}\n', b'{"class":"ERROR"}\n',
+        sentence("GPGGA,,,,,,0,00,99.99,,,,,,"),
+    ]),
+), max_size=20))  # fmt: skip
+def test_whatever_gpsd_says_no_byte_is_lost_and_nothing_raises(said: list[bytes]) -> None:
+    stream = _Stream("gnss", SYSTEM_CLOCK)
+    told = [one for chunk in said for one in stream.feed(chunk, SYSTEM_CLOCK.raw_ns())] + stream.end()
+    assert b"".join(one.data for one in told if isinstance(one, NmeaSentence)) == b"".join(said)
 
 
 def test_an_address_that_is_none_is_refused() -> None:

@@ -6,6 +6,7 @@ They are played through a pseudo-terminal into the driver, as fast as it takes t
 import json
 import os
 import pty
+import termios
 import threading
 import tty
 from collections import Counter
@@ -262,9 +263,11 @@ def through_pty(data: bytes, *, wait: bool = False) -> Iterator[Sample]:
         return
     finally:
         driver.close()
+        while thread.is_alive():  # refused: nobody reads any more
+            termios.tcflush(slave, termios.TCIFLUSH)
+            thread.join(0.01)
         for end in ends:
             os.close(end)
-        thread.join()
 
 
 def joined(told: list[Sample]) -> bytes:

@@ -208,6 +208,64 @@ def test_estimated_manual_and_simulated_positions_are_no_fixes(
     assert [fix.valid for fix in fixes(rmc, gga)] == [valid]
 
 
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        ([RMC, GGA], ""),
+        ([RMC.replace(b",A,4404", b",V,4404")], "status V"),
+        ([sentence("GPRMC,120000,A,4404.1,N,12118.8,W,0,0,050224,,,E")], "mode E, estimated"),
+        ([sentence("GPRMC,120000,A,4404.1,N,12118.8,W,0,0,050224,,,S")], "mode S, simulated"),
+        ([sentence("GPRMC,120000,A,4404.1,N,12118.8,W,0,0,050224,,,N")], "mode N, no fix"),
+        ([sentence("GPGGA,120000,4404.1,N,12118.8,W,0,00,,,M,,M,,")], "quality 0, no fix"),
+        ([sentence("GPGGA,120000,4404.1,N,12118.8,W,1,00,,,M,,M,,")], "no satellite used"),
+        ([GGA, sentence("GPGSA,A,1,,,,,,,,,,,,,,,")], "no fix, says GSA"),
+        ([sentence("GPRMC,,A,4404.1,N,12118.8,W,0,0,050224,,,A")], "no time"),
+        ([sentence("GPRMC,120000,A,,,,,,,050224,,,A")], "no position"),
+    ],
+)
+def test_a_fix_that_is_none_says_why(lines: list[bytes], problem: str) -> None:
+    lines = [sentence(line[1:-5].decode()) for line in lines]  # the checksum after a change
+    (fix,) = fixes(*lines)
+    assert (fix.valid, fix.problem) == (not problem, problem)
+
+
+def test_of_several_constellations_the_best_gsa_counts() -> None:
+    none, three = sentence("GNGSA,A,1,,,,,,,,,,,,,,,"), sentence("GNGSA,A,3,65,70,71,72,,,,,,,,,1.8,0.9,1.5")
+    (fix,) = fixes(GGA, none, three, none, RMC)
+    assert (fix.valid, fix.dimensions) == (True, 3)
+
+
+def test_a_burst_that_was_under_way_when_listening_began_dates_nothing() -> None:
+    second = burst(NOON_NS + SECOND_NS, 47, 7, 24, 135)
+    assembler = FixAssembler()
+    assembler.interrupted()
+    told = [
+        assembler.add(NmeaSentence(Stamp(raw_ns=raw_ns), line)) for raw_ns, line in enumerate([RMC, *second])
+    ]
+    assert [fix.stamp.gps_raw_ns for fix in [*told, assembler.silence()] if fix] == [None, 1]
+
+
+def test_after_a_silence_a_burst_is_heard_from_its_start() -> None:
+    assembler = FixAssembler()
+    assembler.interrupted()
+    assembler.silence()
+    assembler.add(NmeaSentence(Stamp(raw_ns=7), RMC))
+    fix = assembler.silence()
+    assert fix is not None
+    assert fix.stamp.gps_raw_ns == 7
+
+
+def test_bursts_that_had_waited_before_they_were_read_date_nothing() -> None:
+    assembler = FixAssembler()
+    assembler.interrupted()
+    lines = [burst(NOON_NS + second * SECOND_NS, 47, 7, 24, 135)[2] for second in range(5)]
+    told = [
+        assembler.add(NmeaSentence(Stamp(raw_ns=raw_ns), line), dated=raw_ns > 2)
+        for raw_ns, line in enumerate(lines)
+    ]
+    assert [fix.stamp.gps_raw_ns for fix in [*told, assembler.silence()] if fix] == [None, None, None, 3, 4]
+
+
 def test_a_fix_without_a_position_is_not_valid() -> None:
     assert not fixes(sentence("GPRMC,120000,A,,,,,,,050224,,,A"))[0].valid
 
@@ -228,6 +286,8 @@ def test_of_several_constellations_the_one_with_a_fix_counts() -> None:
 def test_the_leap_second_is_the_next_days_first_second() -> None:
     (fix,) = fixes(sentence("GPRMC,235960.000,A,4404.1351,N,12118.8556,W,0,0,311216,,,A"))
     assert fix.stamp.gps_ns == int(datetime(2017, 1, 1, tzinfo=UTC).timestamp()) * SECOND_NS
+    assert fix.leap_second
+    assert not fixes(RMC)[0].leap_second
 
 
 def test_the_last_date_serves_until_midnight() -> None:

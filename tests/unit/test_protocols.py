@@ -108,6 +108,15 @@ def test_at_its_own_rate_a_line_is_read_as_it_was_said(data: bytes, baud: int) -
     assert misread(data, baud, round(baud * 1.02)) == data  # a UART bears two in a hundred
 
 
+def test_nmea_at_a_wrong_rate_is_taken_for_no_binary_protocol() -> None:
+    """A name is a refusal, so it takes two frames of one protocol; here there is none at all."""
+    rates = (4800, 9600, 19200, 38400, 57600, 115200)
+    said = b"".join(b"".join(burst((1_700_000_000 + n) * 10**9, 47, 7, 24, 135)) for n in range(4))
+    for own in rates:
+        for heard in rates:
+            assert max(recognise(misread(said, own, heard)).values(), default=0) < 2, (own, heard)
+
+
 @pytest.mark.parametrize(("said", "heard"), [(4800, 9600), (4800, 115200), (115200, 4800), (9600, 4800)])
 def test_at_another_rate_no_sentence_is_read(said: int, heard: int) -> None:
     line = sentence("GPRMC,120000.000,A,4404.1351,N,12118.8556,W,10.00,359.11,050224,,,A") * 5

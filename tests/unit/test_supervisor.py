@@ -9,7 +9,7 @@ import numpy as np
 from recorder.clock import SYSTEM_CLOCK
 from recorder.config import ServiceSection
 from recorder.errors import DeviceAbsent, DeviceLost
-from recorder.samples import DeviceState, Frame, Health, Loss, Sample, Stamp
+from recorder.samples import DeviceState, Frame, Health, LogLine, Loss, Sample, Stamp
 from recorder.service.supervisor import Supervisor
 
 SETTINGS = ServiceSection(retry_seconds=0.01, retry_max_seconds=0.02, silent_seconds=0.1)
@@ -100,6 +100,27 @@ def test_a_source_that_ends_is_ended() -> None:
     assert len(watch.samples) == 3
     assert driver.closed == 1
     assert watch.supervisor.description == {"model": "scripted"}
+
+
+def test_what_a_device_tells_of_itself_is_no_sample_and_renews_its_description() -> None:
+    class Learning(Scripted):
+        baud = "4800"
+
+        def describe(self) -> Mapping[str, str]:
+            return {"baud": self.baud}
+
+    def session() -> Iterator[Sample | None]:
+        driver.baud = "9600"
+        yield LogLine(SYSTEM_CLOCK.raw_ns(), "info", "front", "speaks NMEA at 9600 baud")
+
+    driver = Learning(session)
+    watch = Watch(driver, retry=False)
+    watch.until(watch.supervisor.finished.is_set)
+    watch.end()
+    assert watch.supervisor.description == {"baud": "9600"}
+    assert watch.supervisor.now().samples == 0
+    assert [type(sample) for sample in watch.samples] == [LogLine]
+    assert DeviceState.STREAMING not in watch.said()
 
 
 def test_a_device_that_fails_is_opened_again_and_what_it_missed_is_stated() -> None:
