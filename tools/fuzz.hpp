@@ -99,7 +99,9 @@ inline Bytes encode_with_every_set(const std::vector<std::uint16_t> &pixels, std
         const std::size_t room = largest_encoding(width, height, depth);
         const std::unique_ptr<std::uint8_t[]> target(new std::uint8_t[room]);
         try {
-            const std::size_t size = encode(target.get(), source.get(), width, height, depth, model, table);
+            // and on any number of threads
+            const std::uint32_t threads = set_in_use == InstructionSet::scalar ? 1 : 1 + height % 4;
+            const std::size_t size = encode(target.get(), source.get(), width, height, depth, model, table, threads);
             require(size <= room, "no image is larger than the largest");
             return Bytes(target.get(), target.get() + size);
         } catch (const ArgumentError &) {

@@ -47,6 +47,7 @@ def encode(
     model: Model = "felics-ls",
     k: KChoice = "trained",
     tables: bytes | None = None,
+    threads: int = 1,
 ) -> bytes:
     """One complete image, ``FF E8 … FF E9``.
 
@@ -61,13 +62,15 @@ def encode(
             models do not look at it.
         tables: what ``train`` returned for this or a similar image and the same model and depth, instead of
             training. An image carries its tables, so each can be decoded alone.
+        threads: so many share the rows, 1 to 32, where one image's delay matters more than the work that
+            all take together. The bytes are the same.
 
     Raises:
         ValueError: another shape or type, a pixel above the bit depth, or an argument out of range.
     """
     model = model_at(bit_depth, model)
     table = _table(model, k, tables, bit_depth)
-    return kernels.felics_encode(_checked(image), bit_depth, _MODELS.index(model), table)
+    return kernels.felics_encode(_checked(image), bit_depth, _MODELS.index(model), table, threads)
 
 
 def encode_into(
@@ -78,6 +81,7 @@ def encode_into(
     model: Model = "felics-ls",
     k: KChoice = "trained",
     tables: bytes | None = None,
+    threads: int = 1,
 ) -> int:
     """``encode`` into the caller's contiguous 1-D array of at least ``max_encoded_size`` bytes.
 
@@ -87,7 +91,7 @@ def encode_into(
         raise ValueError("the output must be a writable contiguous 1-D array of uint8")
     model = model_at(bit_depth, model)
     table = _table(model, k, tables, bit_depth)
-    return kernels.felics_encode_into(_checked(image), out, bit_depth, _MODELS.index(model), table)
+    return kernels.felics_encode_into(_checked(image), out, bit_depth, _MODELS.index(model), table, threads)
 
 
 def train(image: NDArray[Any], *, bit_depth: int = 10, model: Model = "felics-ls") -> bytes:

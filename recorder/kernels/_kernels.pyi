@@ -12,10 +12,12 @@ class FormatError(ValueError):
 
     args: tuple[str, int]
 
-def felics_encode(image: _Image, depth: int, model: int, table: bytes) -> bytes:
+def felics_encode(image: _Image, depth: int, model: int, table: bytes, threads: int = 1) -> bytes:
     """One image of C-contiguous (H, W) pixels; ``table`` is the model's or empty. Raises ValueError."""
 
-def felics_encode_into(image: _Image, out: NDArray[np.uint8], depth: int, model: int, table: bytes) -> int:
+def felics_encode_into(
+    image: _Image, out: NDArray[np.uint8], depth: int, model: int, table: bytes, threads: int = 1
+) -> int:
     """felics_encode into an array of at least felics_largest_encoding bytes; returns the bytes written."""
 
 def felics_train(image: _Image, depth: int, model: int) -> bytes:

@@ -12,6 +12,7 @@
 #include "crc32c.hpp"
 #include "error.hpp"
 #include "felics.hpp"
+#include "parallel.hpp"
 #include "scratch.hpp"
 #include "stuffing.hpp"
 #include "unpack.hpp"
@@ -32,6 +33,7 @@ struct Job {
     Model model;
     std::array<std::uint8_t, largest_table> table;
     const std::uint8_t *table_or_null;
+    std::uint32_t threads;
 };
 
 void check_shape(std::size_t width, std::size_t height) {
@@ -48,11 +50,16 @@ void make_job(const Image<T> &image, int depth, int model, const nb::bytes &tabl
     if (model < 0 || model > 2) throw nb::value_error("unknown model");
     if (model == 2 && depth > static_cast<int>(deepest_ls)) throw nb::value_error("felics-ls has a bit depth of 12 at most");
     job = {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), static_cast<std::uint32_t>(depth),
-           static_cast<Model>(model), {}, nullptr};
+           static_cast<Model>(model), {}, nullptr, 1};
     if (table.size() == 0) return;
     if (table.size() != table_size(job.model)) throw nb::value_error("a table of another model");
     std::copy_n(reinterpret_cast<const std::uint8_t *>(table.c_str()), table.size(), job.table.begin());
     job.table_or_null = job.table.data();
+}
+
+std::uint32_t checked(int threads) {
+    if (threads < 1 || threads > static_cast<int>(most_threads)) throw nb::value_error("an image is coded by 1 to 32 threads");
+    return static_cast<std::uint32_t>(threads);
 }
 
 // Eight-bit images are widened first: the pixel checksum is over 16 bits.
@@ -68,14 +75,15 @@ std::size_t run(const Job &job, const T *pixels, std::uint8_t *target) {
     thread_local Scratch<std::uint16_t> scratch;
     const Trim trim(scratch);
     const std::uint16_t *wide = widen(pixels, std::size_t{job.width} * job.height, scratch);
-    return encode(target, wide, job.width, job.height, job.depth, job.model, job.table_or_null);
+    return encode(target, wide, job.width, job.height, job.depth, job.model, job.table_or_null, job.threads);
 }
 
 template <typename T>
 std::size_t encode_into(const Image<T> &image, Output<std::uint8_t, 1> out, int depth, int model,
-                        const nb::bytes &table) {
+                        const nb::bytes &table, int threads) {
     Job job;
     make_job(image, depth, model, table, job);
+    job.threads = checked(threads);
     if (out.shape(0) < largest_encoding(job.width, job.height, job.depth))
         throw nb::value_error("the output is smaller than max_encoded_size()");
     const T *pixels = image.data();
@@ -85,11 +93,12 @@ std::size_t encode_into(const Image<T> &image, Output<std::uint8_t, 1> out, int 
 }
 
 template <typename T>
-nb::bytes encode_to_bytes(const Image<T> &image, int depth, int model, const nb::bytes &table) {
+nb::bytes encode_to_bytes(const Image<T> &image, int depth, int model, const nb::bytes &table, int threads) {
     thread_local Scratch<std::uint8_t> scratch;
     const Trim trim(scratch);
     Job job;
     make_job(image, depth, model, table, job);
+    job.threads = checked(threads);
     const T *pixels = image.data();
     std::uint8_t *target = nullptr;
     std::size_t written = 0;
@@ -215,12 +224,14 @@ NB_MODULE(_kernels, m) {
     m.attr("FormatError") = format_error;
     nb::register_exception_translator(translate, format_error.ptr());
 
-    m.def("felics_encode", encode_to_bytes<std::uint16_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a, "table"_a);
-    m.def("felics_encode", encode_to_bytes<std::uint8_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a, "table"_a);
+    m.def("felics_encode", encode_to_bytes<std::uint16_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a, "table"_a,
+          "threads"_a = 1);
+    m.def("felics_encode", encode_to_bytes<std::uint8_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a, "table"_a,
+          "threads"_a = 1);
     m.def("felics_encode_into", encode_into<std::uint16_t>, nb::arg("image").noconvert(), nb::arg("out").noconvert(),
-          "depth"_a, "model"_a, "table"_a);
+          "depth"_a, "model"_a, "table"_a, "threads"_a = 1);
     m.def("felics_encode_into", encode_into<std::uint8_t>, nb::arg("image").noconvert(), nb::arg("out").noconvert(),
-          "depth"_a, "model"_a, "table"_a);
+          "depth"_a, "model"_a, "table"_a, "threads"_a = 1);
     m.def("felics_train", trained_table<std::uint16_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a);
     m.def("felics_train", trained_table<std::uint8_t>, nb::arg("image").noconvert(), "depth"_a, "model"_a);
     m.def("felics_largest_encoding", largest, "width"_a, "height"_a, "depth"_a);

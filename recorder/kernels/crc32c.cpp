@@ -48,8 +48,6 @@ std::uint32_t update_portable(std::uint32_t crc, const std::uint8_t *p, std::siz
     return crc;
 }
 
-#if defined(__x86_64__)
-
 // a * b modulo the polynomial, in the reflected representation (x^0 is the highest bit).
 std::uint32_t multiply(std::uint32_t a, std::uint32_t b) {
     std::uint32_t product = 0;
@@ -70,6 +68,8 @@ std::uint32_t zeros_operator(std::size_t bytes) {
     }
     return result;
 }
+
+#if defined(__x86_64__)
 
 __attribute__((target("sse4.2"))) std::uint32_t update_one(std::uint32_t crc, const std::uint8_t *p,
                                                             std::size_t size) {
@@ -118,6 +118,10 @@ std::uint32_t crc32c_update(std::uint32_t crc, const void *data, std::size_t siz
 #endif
     return update_portable(crc, bytes, size);
 }
+
+Crc32cZeros::Crc32cZeros(std::size_t bytes) : operator_(zeros_operator(bytes)) {}
+
+std::uint32_t Crc32cZeros::pass(std::uint32_t crc) const { return multiply(crc, operator_); }
 
 std::uint32_t crc32c(const void *data, std::size_t size) { return ~crc32c_update(crc32c_start, data, size); }
 

@@ -16,4 +16,15 @@ std::uint32_t crc32c_portable(const void *data, std::size_t size);
 constexpr std::uint32_t crc32c_start = ~0u;
 std::uint32_t crc32c_update(std::uint32_t crc, const void *data, std::size_t size);
 
+// Lets so many zero bytes pass through a register. A CRC is linear: of data that are zero but in parts, each of
+// whose registers began with zero (the first with crc32c_start), it is the exclusive or of theirs.
+class Crc32cZeros {
+  public:
+    explicit Crc32cZeros(std::size_t bytes);
+    std::uint32_t pass(std::uint32_t crc) const;
+
+  private:
+    std::uint32_t operator_;
+};
+
 }  // namespace recorder

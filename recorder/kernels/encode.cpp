@@ -5,6 +5,7 @@
 #include "crc32c.hpp"
 #include "error.hpp"
 #include "felics.hpp"
+#include "parallel.hpp"
 #include "rows.hpp"
 #include "scratch.hpp"
 #include "stuffing.hpp"
@@ -83,36 +84,61 @@ void pack_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t width, 
     writer = out;
 }
 
-void pack_rows(Writers &writers, const std::uint16_t *pixels, const Header &header) {
-    for (std::uint32_t y = 0; y < header.height; ++y)
-        pack_row(writers[y % written_streams], pixels + std::size_t{y} * header.width, header.width, header.depth);
+// The streams that one thread writes, and so the rows that it codes.
+struct Share {
+    std::uint32_t first, end;
+};
+
+// code(y) of every row of the share, from the top.
+template <typename CodeRow>
+void for_rows(Share share, const Header &header, CodeRow code) {
+    for (std::uint32_t group = 0; group < header.height; group += written_streams)
+        for (std::uint32_t y = group + share.first; y < std::min(group + share.end, header.height); ++y) code(y);
 }
 
-// Checks all pixels, codes them by the model felics, and notes their checksum: one pass over the memory.
-void encode_rows(Writers &writers, const std::uint16_t *pixels, Header &header) {
+// The same with a checksum's register that code(y, crc) moves on over row y: the register of a picture whose
+// other rows are zero. The exclusive or of all shares' is the picture's own.
+template <typename CodeRow>
+std::uint32_t for_rows_checked(Share share, const Header &header, CodeRow code) {
+    const std::size_t row_bytes = std::size_t{header.width} * sizeof(std::uint16_t);
+    const Crc32cZeros others((written_streams - (share.end - share.first)) * row_bytes);
+    std::uint32_t crc = share.first == 0 ? crc32c_start : 0, next = share.first;
+    for_rows(share, header, [&](std::uint32_t y) {
+        if (y != next) crc = others.pass(crc);
+        crc = code(y, crc);
+        next = y + 1;
+    });
+    return next < header.height ? Crc32cZeros((header.height - next) * row_bytes).pass(crc) : crc;
+}
+
+void pack_rows(Writers &writers, const std::uint16_t *pixels, const Header &header, Share share) {
+    for_rows(share, header, [&](std::uint32_t y) {
+        pack_row(writers[y % written_streams], pixels + std::size_t{y} * header.width, header.width, header.depth);
+    });
+}
+
+// Checks all pixels of the share, codes them by the model felics, and returns its part of the checksum's register:
+// one pass over the memory.
+std::uint32_t encode_rows(Writers &writers, const std::uint16_t *pixels, const Header &header, Share share) {
     const EncodeStretch encode_rest = has_wide() ? encode_stretch_wide : encode_stretch_anywhere;
     const VectorKernels *vectors = vector_kernels();
     const bool in_lanes = vectors != nullptr && header.depth <= deepest_encoded &&
                           header.width >= vectors->narrowest_encoded;
     const WideKTable table = widen(header.table);
-    std::uint32_t crc = crc32c_start;
-    for (std::uint32_t y = 0; y < header.height; ++y) {
+    return for_rows_checked(share, header, [&](std::uint32_t y, std::uint32_t crc) {
         const std::uint16_t *row = pixels + std::size_t{y} * header.width;
         BitWriter &writer = writers[y % written_streams];
         check_row(row, header.width, header.depth);
-        if (in_lanes && y > 0) {
-            crc = vectors->encode_row(writer, row, header.width, header.depth, header.table, crc);
-            continue;
-        }
+        if (in_lanes && y > 0)
+            return vectors->encode_row(writer, row, header.width, header.depth, header.table, crc);
         // In the topmost row the left neighbour stands for the upper one, and middle grey for both.
         const std::uint16_t *tops = y > 0 ? row - header.width + 1 : row;
         const std::uint32_t first = y > 0 ? tops[-1] : 1u << (header.depth - 1u);
         const Code code = encode_pixel(row[0], first, first, table.data(), header.depth);
         writer.append(code.value, code.length);
         encode_rest(writer, {row + 1, tops, header.width - 1}, table.data(), header.depth);
-        crc = crc32c_update(crc, row, header.width * sizeof *row);
-    }
-    header.checksum = ~crc;
+        return crc32c_update(crc, row, header.width * sizeof *row);
+    });
 }
 
 void encode_ls_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t y, const Header &header) {
@@ -127,36 +153,51 @@ void encode_ls_row(BitWriter &writer, const std::uint16_t *row, std::uint32_t y,
     }
 }
 
-// The same by the model felics-ls: `encode_row(row, y, crc)` appends a row and moves the checksum on.
-template <typename EncodeRow>
-void encode_ls_rows(const std::uint16_t *pixels, Header &header, EncodeRow encode_row) {
-    std::uint32_t crc = crc32c_start;
-    for (std::uint32_t y = 0; y < header.height; ++y) {
-        const std::uint16_t *row = pixels + std::size_t{y} * header.width;
-        check_row(row, header.width, header.depth);
-        crc = encode_row(row, y, crc);
-    }
-    header.checksum = ~crc;
+// The same by the model felics-ls; `memory` has room for LsLines.
+std::uint32_t encode_ls_rows(Writers &writers, const std::uint16_t *pixels, const Header &header, Share share,
+                             std::uint16_t *memory) {
+    const VectorKernels *vectors = vector_kernels();
+    const bool in_lanes = vectors != nullptr && header.width >= vectors->narrowest_encoded;
+    const auto row_of = [&](std::uint32_t y) { return pixels + std::size_t{y} * header.width; };
+    LsLines lines(memory, in_lanes ? header.width : 0);
+    const auto add = [&](std::uint32_t y) {
+        lines.add(row_of(y), y > 0 ? *row_of(y - 1) : 1u << (header.depth - 1u));
+    };
+    std::uint32_t next = 0;  // the row below those in `lines`
+    return for_rows_checked(share, header, [&](std::uint32_t y, std::uint32_t crc) {
+        BitWriter &writer = writers[y % written_streams];
+        check_row(row_of(y), header.width, header.depth);
+        if (in_lanes) {
+            for (next = std::max(next, y - std::min(y, 2u)); next <= y; ++next) add(next);
+            if (y > 0)
+                return vectors->encode_ls_row(writer, lines, row_of(y), header.width, y > 1, header.depth,
+                                              header.ls_table, crc);
+        }
+        encode_ls_row(writer, row_of(y), y, header);
+        return crc32c_update(crc, row_of(y), header.width * sizeof *pixels);
+    });
 }
 
-void encode_ls(Writers &writers, const std::uint16_t *pixels, Header &header) {
-    const auto scalar = [&](const std::uint16_t *row, std::uint32_t y, std::uint32_t crc) {
-        encode_ls_row(writers[y % written_streams], row, y, header);
-        return crc32c_update(crc, row, header.width * sizeof *row);
-    };
-    const VectorKernels *vectors = vector_kernels();
-    if (vectors == nullptr || header.width < vectors->narrowest_encoded) {
-        encode_ls_rows(pixels, header, scalar);
-        return;
-    }
+// Codes by the header's model on so many threads, each of which writes streams of its own, and notes the checksum.
+void encode_streams(Writers &writers, const std::uint16_t *pixels, Header &header, std::uint32_t threads) {
     thread_local Scratch<std::uint16_t> scratch;
-    LsLines lines(scratch.reserve(LsLines::size(header.width)), header.width);
-    encode_ls_rows(pixels, header, [&](const std::uint16_t *row, std::uint32_t y, std::uint32_t crc) {
-        lines.add(row, y > 0 ? *(row - header.width) : 1u << (header.depth - 1u));
-        if (y == 0) return scalar(row, y, crc);
-        return vectors->encode_ls_row(writers[y % written_streams], lines, row, header.width, y > 1, header.depth,
-                                      header.ls_table, crc);
+    const std::size_t lines = LsLines::size(header.width);
+    std::uint16_t *memory = header.model == Model::felics_ls ? scratch.reserve(threads * lines) : nullptr;
+    std::array<std::uint32_t, written_streams> crcs{};
+    in_parallel(threads, [&](std::uint32_t part) {
+        const Share share = {written_streams * part / threads, written_streams * (part + 1) / threads};
+        if (header.model == Model::raw) {
+            pack_rows(writers, pixels, header, share);
+        } else if (header.model == Model::felics_ls) {
+            crcs[part] = encode_ls_rows(writers, pixels, header, share, memory + part * lines);
+        } else {
+            crcs[part] = encode_rows(writers, pixels, header, share);
+        }
     });
+    if (header.model == Model::raw) return;  // whose checksum is already there
+    std::uint32_t crc = 0;
+    for (const std::uint32_t part : crcs) crc ^= part;
+    header.checksum = ~crc;
 }
 
 // The bytes of all streams, where each was written.
@@ -214,7 +255,7 @@ std::size_t largest_encoding(std::uint32_t width, std::uint32_t height, std::uin
 }
 
 std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint32_t width, std::uint32_t height,
-                   std::uint32_t depth, Model model, const std::uint8_t *table) {
+                   std::uint32_t depth, Model model, const std::uint8_t *table, std::uint32_t threads) {
     thread_local Scratch<std::uint8_t> scratch;
     const Trim trim(scratch);
     Header header;
@@ -239,13 +280,7 @@ std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint3
         payload.memory = memory;
         Writers writers;
         for (std::uint32_t s = 0; s < written_streams; ++s) writers[s] = BitWriter(memory + payload.begins[s]);
-        if (header.model == Model::raw) {
-            pack_rows(writers, pixels, header);
-        } else if (header.model == Model::felics_ls) {
-            encode_ls(writers, pixels, header);
-        } else {
-            encode_rows(writers, pixels, header);
-        }
+        encode_streams(writers, pixels, header, threads);
         for (std::uint32_t s = 0; s < written_streams; ++s)
             header.lengths[s] = static_cast<std::uint32_t>(writers[s].size());
         if (header.model == Model::raw || header.payload() + table_size(header.model) <= packed_size(header)) break;

@@ -94,9 +94,10 @@ void train(Header &header, const std::uint16_t *pixels);
 
 // Encodes height x width pixels into `target`, which has room for largest_encoding(). `table` is the model's
 // table_size() bytes, or null: then it is trained. The model felics-ls is for deepest_ls bits at most.
+// The rows are coded on `threads` threads, 1 to most_threads; the bytes are the same.
 // Returns the bytes written. Throws ArgumentError for a value above the depth or a table out of range.
 std::size_t encode(std::uint8_t *target, const std::uint16_t *pixels, std::uint32_t width, std::uint32_t height,
-                   std::uint32_t depth, Model model, const std::uint8_t *table);
+                   std::uint32_t depth, Model model, const std::uint8_t *table, std::uint32_t threads = 1);
 
 // Decodes an image into width * height pixels. Throws FormatError.
 void decode(std::uint16_t *pixels, std::uint64_t count, const std::uint8_t *data, std::size_t size);

@@ -246,6 +246,33 @@ def test_views_are_encoded_as_they_look() -> None:
     assert np.array_equal(codec.decode(codec.encode(view)), view)
 
 
+@pytest.mark.parametrize("threads", [2, 3, 7, 32])
+@pytest.mark.parametrize("model", ["raw", "felics", "felics-ls"])
+@pytest.mark.parametrize("shape", [(1, 1), (5, 300), (31, 64), (33, 65), (64, 96), (97, 200), (200, 31)])
+def test_an_image_coded_by_several_threads_is_the_same(
+    threads: int, model: codec.Model, shape: tuple[int, int]
+) -> None:
+    image = content("photograph", *shape, 10, threads)
+    alone = codec.encode(image, model=model)
+    assert codec.encode(image, model=model, threads=threads) == alone
+    out = np.empty(codec.max_encoded_size(shape[1], shape[0]), np.uint8)
+    assert bytes(out[: codec.encode_into(image, out, model=model, threads=threads)]) == alone
+
+
+@pytest.mark.parametrize("threads", [-1, 0, 33])
+def test_refuses_a_number_of_threads_that_cannot_be(threads: int) -> None:
+    with pytest.raises(ValueError, match="1 to 32 threads"):
+        codec.encode(np.zeros((40, 50), np.uint16), threads=threads)
+
+
+def test_a_value_above_the_depth_in_any_threads_rows_is_refused() -> None:
+    for row in range(64):
+        image = np.zeros((64, 70), np.uint16)
+        image[row, 3] = 1024
+        with pytest.raises(ValueError, match="above the bit depth"):
+            codec.encode(image, threads=4)
+
+
 def test_encode_into_writes_what_encode_returns() -> None:
     image = content("photograph", 40, 50, 10, seed=5)
     out = np.zeros(codec.max_encoded_size(50, 40, 10) + 8, np.uint8)

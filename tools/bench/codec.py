@@ -211,10 +211,9 @@ def _threads(run: Run) -> Figure:
     if not run.threads:
         return _figure("threads2_speedup", None, 0, reason="one core")
     one, pair = run.threads["one thread"], run.threads["two frames at once"]
-    two = run.threads.get("two threads")
     return _figure(
-        "threads2_speedup", two.fps / one.fps if two else None, one.n,
-        {"two frames at once": pair.fps / one.fps}, reason="encode_into takes one thread",
+        "threads2_speedup", run.threads["two threads"].fps / one.fps, one.n,
+        {"two frames at once": pair.fps / one.fps},
     )  # fmt: skip
 
 

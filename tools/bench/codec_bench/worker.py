@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from inspect import signature
 from itertools import chain
 from typing import Any, TypeVar
 
@@ -97,10 +96,7 @@ def _sizes(runner: Codec, pictures: Sequence[Picture]) -> dict[str, float]:
 
 
 def threads(pictures: Sequence[Picture], effort: Effort) -> dict[str, Speed]:
-    """Encoding with one thread and with two, on all cores; and two frames at once, one thread each.
-
-    Two threads for one frame are left out where the codec does not offer them.
-    """
+    """Encoding with one thread and with two, on all cores; and two frames at once, one thread each."""
     tables = [codec.train(picture.pixels, model="felics") for picture in pictures]
     height, width = pictures[0].pixels.shape
     outs = [np.empty(codec.max_encoded_size(width, height), np.uint8) for _ in range(2)]
@@ -119,9 +115,11 @@ def threads(pictures: Sequence[Picture], effort: Effort) -> dict[str, Speed]:
             if number == 0:
                 list(pool.map(every_second, (0, 1)))
 
-        calls: dict[str, Callable[[int], object]] = {"one thread": encode, "two frames at once": both}
-        if "threads" in signature(codec.encode_into).parameters:
-            calls["two threads"] = lambda number: encode(number, threads=2)
+        calls: dict[str, Callable[[int], object]] = {
+            "one thread": encode,
+            "two threads": lambda number: encode(number, threads=2),
+            "two frames at once": both,
+        }
         return in_turns(calls, pictures, effort)
 
 
