@@ -11,7 +11,7 @@ from time import perf_counter
 
 import numpy as np
 from camera_time import clock_step_effect_us, frame_jitter_us
-from figures import Figure, report
+from figures import Figure, Measured, report
 from numpy.typing import NDArray
 
 from recorder.config import TimebaseSection
@@ -177,7 +177,7 @@ def measure(quick: bool) -> list[Figure]:
     steady, holding = drives - drives // 2, drives // 2
     drift_ms_per_h = _of_drives([one.drift_ms_per_h for one in main])
     by_pulse = [one.pulse_us for one in with_pulses if not np.isnan(one.pulse_us)]
-    return [
+    figures = [
         Figure(
             "coverage_drives", float(np.mean([one.covered for one in main])), "", 0.95, "higher", drives,
             {
@@ -219,6 +219,7 @@ def measure(quick: bool) -> list[Figure]:
         Figure("fix_cost_us", float(np.median([one.fix_us for one in main])), "us", 50, "lower", drives),
         Figure("ask_cost_us", float(np.median([one.ask_us for one in main])), "us", 5, "lower", drives),
     ]  # fmt: skip
+    return Measured(figures)
 
 
 if __name__ == "__main__":
