@@ -161,7 +161,7 @@ def _of_drives(values: Sequence[float], percent: float = 95) -> float:
     return float(np.percentile(known[~np.isnan(known)], percent))
 
 
-def measure(quick: bool) -> list[Figure]:
+def measure(quick: bool) -> Measured:
     """Simulated drives of an hour with truth: coverage, width, drift, hold-over, pulses, frames."""
     drives = QUICK_DRIVES if quick else DRIVES
     peers = QUICK_PEER_DRIVES if quick else PEER_DRIVES
