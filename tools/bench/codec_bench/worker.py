@@ -102,7 +102,9 @@ def threads(pictures: Sequence[Picture], effort: Effort) -> dict[str, Speed]:
     outs = [np.empty(codec.max_encoded_size(width, height), np.uint8) for _ in range(2)]
 
     def encode(number: int, out: int = 0, **options: Any) -> None:
-        codec.encode_into(pictures[number].pixels, outs[out], tables=tables[number], **options)
+        codec.encode_into(
+            pictures[number].pixels, outs[out], model="felics", tables=tables[number], **options
+        )
 
     def every_second(start: int) -> None:
         for number in range(start, len(pictures), 2):
