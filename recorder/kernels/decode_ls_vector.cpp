@@ -12,37 +12,57 @@ constexpr std::uint32_t edge_steps = delay * wave_rows;
 using Rows = WaveRows<delay>;
 
 // Thirty-two 16-bit numbers, lane after lane.
-struct Pair {
-    Lanes part[2];
+struct All {
+    Lanes part[wave_vectors];
 };
 
-RECORDER_INLINE Pair load_pair(const std::uint16_t *p) { return {{load(p), load(p + lanes16)}}; }
-RECORDER_INLINE void store_pair(std::uint16_t *p, const Pair &a) {
-    store(p, a.part[0]);
-    store(p + lanes16, a.part[1]);
+RECORDER_INLINE All load_all(const std::uint16_t *p) {
+    All a;
+    for (std::uint32_t i = 0; i < wave_vectors; ++i) a.part[i] = load(p + i * lanes16);
+    return a;
 }
-RECORDER_INLINE Pair choose(const Pair &mask, const Pair &yes, const Pair &no) {
-    return {{RECORDER_VECTOR::choose(mask.part[0], yes.part[0], no.part[0]), RECORDER_VECTOR::choose(mask.part[1], yes.part[1], no.part[1])}};
+RECORDER_INLINE All equal_all(Lanes a) {
+    All all;
+    for (Lanes &part : all.part) part = a;
+    return all;
 }
-RECORDER_INLINE Pair shifted_up16(Lanes first, const Pair &a) {
-    return {{RECORDER_VECTOR::shifted_up16(first, a.part[0]), RECORDER_VECTOR::shifted_up16(a.part[0], a.part[1])}};
+RECORDER_INLINE void store_all(std::uint16_t *p, const All &a) {
+    for (std::uint32_t i = 0; i < wave_vectors; ++i) store(p + i * lanes16, a.part[i]);
 }
-RECORDER_INLINE Wide widened(Lanes a) { return {{widened_low16(a), widened_high16(a)}}; }
+RECORDER_INLINE All choose(const All &mask, const All &yes, const All &no) {
+    All chosen;
+    for (std::uint32_t i = 0; i < wave_vectors; ++i)
+        chosen.part[i] = RECORDER_VECTOR::choose(mask.part[i], yes.part[i], no.part[i]);
+    return chosen;
+}
+RECORDER_INLINE All shifted_up16(Lanes first, const All &a) {
+    All shifted;
+    for (std::uint32_t i = 0; i < wave_vectors; ++i)
+        shifted.part[i] = RECORDER_VECTOR::shifted_up16(i > 0 ? a.part[i - 1] : first, a.part[i]);
+    return shifted;
+}
+// The sixteen numbers from number 16 h on of those that begin with `a`.
+RECORDER_INLINE Wide widened(Lanes a, std::uint32_t h) {
+    Wide wide;
+    for (std::uint32_t i = 0; i < wide_parts; ++i)
+        wide.part[i] = (h * wide_parts + i) % 2 == 0 ? widened_low16(a) : widened_high16(a);
+    return wide;
+}
 
 // What the lanes know from step to step, named as in the model: a is the last pixel, e the one before, d the
 // upper right neighbour of the last step and so b of the next one.
 struct State {
-    alignas(32) std::uint32_t cursors[wave_rows];
-    alignas(32) std::uint32_t values[wave_rows];
-    alignas(32) std::uint32_t zeros[wave_rows];
-    alignas(32) std::uint16_t a[wave_rows], e[wave_rows], d[wave_rows], b[wave_rows], b_before[wave_rows];
+    alignas(sizeof(Lanes)) std::uint32_t cursors[wave_rows];
+    alignas(sizeof(Lanes)) std::uint32_t values[wave_rows];
+    alignas(sizeof(Lanes)) std::uint32_t zeros[wave_rows];
+    alignas(sizeof(Lanes)) std::uint16_t a[wave_rows], e[wave_rows], d[wave_rows], b[wave_rows], b_before[wave_rows];
 };
 
 // The lanes in one step at an edge.
 struct Edge {
-    alignas(32) std::uint16_t starts[wave_rows];  // all ones: in the first column
-    alignas(32) std::uint16_t ends[wave_rows];    // in the last one
-    alignas(32) std::uint16_t row_1[wave_rows];   // in row 1
+    alignas(sizeof(Lanes)) std::uint16_t starts[wave_rows];  // all ones: in the first column
+    alignas(sizeof(Lanes)) std::uint16_t ends[wave_rows];    // in the last one
+    alignas(sizeof(Lanes)) std::uint16_t row_1[wave_rows];   // in row 1
 };
 
 class LsDecoder {
@@ -58,40 +78,41 @@ class LsDecoder {
     // `right_above` and `above_2` are d and f of lane 0, step by step.
     template <std::uint32_t steps, bool edge>
     RECORDER_INLINE void advance(State &state, const std::uint16_t *right_above, const std::uint16_t *above_2,
-                                 Lanes (*results)[2], const Edge *at) const {
+                                 Lanes (*results)[wave_vectors], const Edge *at) const {
         Wide cursors[2], values[2], zeros[2];
         for (std::uint32_t h = 0; h < 2; ++h) {
             cursors[h] = load_wide(state.cursors + wide_lanes * h);
             values[h] = load_wide(state.values + wide_lanes * h);
             zeros[h] = load_wide(state.zeros + wide_lanes * h);
         }
-        Pair a = load_pair(state.a), e = load_pair(state.e), last_d = load_pair(state.d);
-        Pair last_b = load_pair(state.b), b_before = load_pair(state.b_before);
+        All a = load_all(state.a), e = load_all(state.e), last_d = load_all(state.d);
+        All last_b = load_all(state.b), b_before = load_all(state.b_before);
         for (std::uint32_t i = 0; i < steps; ++i) {
-            const Pair next_b = shifted_up16(all16(right_above[i]), a), f = shifted_up16(all16(above_2[i]), b_before);
-            const Pair b = last_d;
-            Pair c = last_b, d = next_b;
+            const All next_b = shifted_up16(all16(right_above[i]), a), f = shifted_up16(all16(above_2[i]), b_before);
+            const All b = last_d;
+            All c = last_b, d = next_b;
             if (edge) {
-                const Pair starts = load_pair(at->starts), row_1 = load_pair(at->row_1);
+                const All starts = load_all(at->starts), row_1 = load_all(at->row_1);
                 a = choose(starts, b, a);
                 e = choose(starts, b, e);
-                c = choose(starts, choose(row_1, {{middle_, middle_}}, f), c);
-                d = choose(load_pair(at->ends), b, d);
+                c = choose(starts, choose(row_1, equal_all(middle_), f), c);
+                d = choose(load_all(at->ends), b, d);
             }
-            Pair pixels;
             BigEndianGather::Offsets offsets[2];
 #pragma GCC unroll 2
             for (std::uint32_t h = 0; h < 2; ++h) BigEndianGather::prepare(offsets[h], right32<3>(cursors[h]));
+            Intervals intervals;
+            Wide pixels[2];
 #pragma GCC unroll 2
             for (std::uint32_t h = 0; h < 2; ++h) {
-                const Wide decoded =
-                    decode({a.part[h], b.part[h], c.part[h], d.part[h], e.part[h], f.part[h]}, offsets[h],
-                           cursors[h], values[h], zeros[h]);
-                results[i][h] = pack32(decoded.part[0], decoded.part[1]);
-                pixels.part[h] = middle_swapped64(results[i][h]);
+                const std::uint32_t v = h * wave_vectors / 2;
+                if (h == 0 || v > 0)
+                    intervals = model({a.part[v], b.part[v], c.part[v], d.part[v], e.part[v], f.part[v]});
+                pixels[h] = decode(intervals, h, offsets[h], cursors[h], values[h], zeros[h]);
             }
+            pack(pixels, results[i]);
             e = a;
-            a = pixels;
+            for (std::uint32_t v = 0; v < wave_vectors; ++v) a.part[v] = in_order(results[i][v]);
             b_before = last_b;
             last_b = b;
             last_d = next_b;
@@ -101,21 +122,28 @@ class LsDecoder {
             store_wide(state.values + wide_lanes * h, values[h]);
             store_wide(state.zeros + wide_lanes * h, zeros[h]);
         }
-        store_pair(state.a, a);
-        store_pair(state.e, e);
-        store_pair(state.d, last_d);
-        store_pair(state.b, last_b);
-        store_pair(state.b_before, b_before);
+        store_all(state.a, a);
+        store_all(state.e, e);
+        store_all(state.d, last_d);
+        store_all(state.b, last_b);
+        store_all(state.b_before, b_before);
     }
 
   private:
-    // decode_ls_pixel of model_ls.hpp.
-    RECORDER_INLINE Wide decode(const LsNeighbourLanes &around, const BigEndianGather::Offsets &offsets,
-                                Wide &cursor, Wide &values, Wide &longest) const {
+    // Of each 16-bit lane the prediction, and m + 256 k.
+    struct Intervals {
+        Lanes predictions, codes;
+    };
+    RECORDER_INLINE Intervals model(const LsNeighbourLanes &around) const {
         const LsLanes at = model_.apply(around);
-        const Lanes codes = both(common(at.m_twice, all16(0xFF)), left16<8>(at.k_twice));
-        const Wide code = widened(codes), m = common(code, all32(0xFF)), k = right32<8>(code);
-        const Wide size = left_by32(one_, m), low = sub32(widened(at.prediction), right32<1>(size));
+        return {at.prediction, both(common(at.m_twice, all16(0xFF)), left16<8>(at.k_twice))};
+    }
+
+    // decode_ls_pixel of model_ls.hpp, for the lanes from 16 h on.
+    RECORDER_INLINE Wide decode(const Intervals &intervals, std::uint32_t h, const BigEndianGather::Offsets &offsets,
+                                Wide &cursor, Wide &values, Wide &longest) const {
+        const Wide code = widened(intervals.codes, h), m = common(code, all32(0xFF)), k = right32<8>(code);
+        const Wide size = left_by32(one_, m), low = sub32(widened(intervals.predictions, h), right32<1>(size));
 
         const Wide bits = left_by32(source_.load(offsets), common(cursor, seven_));
         const Wide zeros = sub32(leading_, exponent32(both(right32<8>(bits), sentinel_)));

@@ -10,10 +10,10 @@ namespace {
 
 // What the lanes know from step to step.
 struct State {
-    alignas(32) std::uint32_t cursors[wave_rows];  // in bits
-    alignas(32) std::uint32_t lefts[wave_rows];
-    alignas(32) std::uint32_t values[wave_rows];  // all values so far, ored: no bit is above the depth
-    alignas(32) std::uint32_t zeros[wave_rows];   // the longest run of zeros so far
+    alignas(sizeof(Lanes)) std::uint32_t cursors[wave_rows];  // in bits
+    alignas(sizeof(Lanes)) std::uint32_t lefts[wave_rows];
+    alignas(sizeof(Lanes)) std::uint32_t values[wave_rows];  // all values so far, ored: no bit is above the depth
+    alignas(sizeof(Lanes)) std::uint32_t zeros[wave_rows];   // the longest run of zeros so far
 };
 
 // decode_pixel of code.hpp.
@@ -75,7 +75,7 @@ using Rows = WaveRows<1>;
 // that `starting` marks is at the start of its row.
 template <std::uint32_t steps, bool edge>
 RECORDER_INLINE void advance(const PixelDecoder &decoder, State &state, const std::uint16_t *above,
-                             Lanes (*results)[2], const std::uint32_t *starting) {
+                             Lanes (*results)[wave_vectors], const std::uint32_t *starting) {
     Wide cursors[2], lefts[2], values[2], zeros[2];
     for (std::uint32_t h = 0; h < 2; ++h) {
         cursors[h] = load_wide(state.cursors + wide_lanes * h);
@@ -92,8 +92,8 @@ RECORDER_INLINE void advance(const PixelDecoder &decoder, State &state, const st
         for (std::uint32_t h = 0; h < 2; ++h) {
             if (edge) lefts[h] = choose32(load_wide(starting + wide_lanes * h), tops[h], lefts[h]);
             lefts[h] = decoder.decode(offsets[h], cursors[h], lefts[h], tops[h], values[h], zeros[h]);
-            results[i][h] = pack32(lefts[h].part[0], lefts[h].part[1]);
         }
+        pack(lefts, results[i]);
     }
     for (std::uint32_t h = 0; h < 2; ++h) {
         store_wide(state.cursors + wide_lanes * h, cursors[h]);

@@ -3,6 +3,10 @@
 // the namespace recorder::RECORDER_VECTOR.
 #pragma once
 
-#include "lanes_avx2.hpp"
+#if defined(RECORDER_AVX512)
+#include "logarithm_avx512.hpp"
+#define RECORDER_VECTOR avx512
+#else
 #include "logarithm_avx2.hpp"
 #define RECORDER_VECTOR avx2
+#endif

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #define RECORDER_INLINE [[gnu::always_inline]] inline
 
@@ -78,9 +79,10 @@ RECORDER_INLINE Lanes right16(Lanes a) {
 }
 
 RECORDER_INLINE Lanes all8(std::uint32_t x) { return _mm256_set1_epi8(static_cast<char>(x)); }
-RECORDER_INLINE Lanes equal8(Lanes a, Lanes b) { return _mm256_cmpeq_epi8(a, b); }
-// The highest bit of every byte, the first byte's the lowest.
-RECORDER_INLINE std::uint32_t high_bits8(Lanes a) { return static_cast<std::uint32_t>(_mm256_movemask_epi8(a)); }
+// One bit a byte, the first byte's the lowest.
+RECORDER_INLINE std::uint32_t equal_bits8(Lanes a, Lanes b) {
+    return static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(a, b)));
+}
 RECORDER_INLINE std::uint32_t lowest_bit(std::uint32_t a) { return _tzcnt_u32(a); }
 // By one count for all.
 RECORDER_INLINE Lanes left16_by(Lanes a, std::uint32_t count) {
@@ -127,8 +129,10 @@ RECORDER_INLINE Lanes dot_pairs16(Lanes a, Lanes b) { return _mm256_madd_epi16(a
 // The exponent of a as a float, biased by 127: 127 + floor(log2(a)) of 1 <= a < 2^24.
 RECORDER_INLINE Lanes exponent32(Lanes a) { return right32<23>(_mm256_castps_si256(_mm256_cvtepi32_ps(a))); }
 
-// Two vectors of 32-bit numbers below 2^16 in one of 16-bit numbers: 0-3 of a, of b, 4-7 of a, of b.
+// Two vectors of 32-bit numbers below 2^16 in one of 16-bit numbers: four of a, four of b, and so on.
 RECORDER_INLINE Lanes pack32(Lanes a, Lanes b) { return _mm256_packus_epi32(a, b); }
+// What pack32 gave, in order.
+RECORDER_INLINE Lanes in_order(Lanes packed) { return _mm256_permute4x64_epi64(packed, 0xD8); }
 // The numbers of `a` one lane up, behind the last one of `before`.
 RECORDER_INLINE Lanes shifted_up32(Lanes before, Lanes a) {
     return _mm256_alignr_epi8(a, _mm256_permute2x128_si256(before, a, 0x21), 12);
@@ -144,12 +148,25 @@ RECORDER_INLINE Lanes interleave_low16(Lanes a, Lanes b) { return _mm256_unpackl
 RECORDER_INLINE Lanes interleave_high16(Lanes a, Lanes b) { return _mm256_unpackhi_epi16(a, b); }
 RECORDER_INLINE Lanes interleave_low32(Lanes a, Lanes b) { return _mm256_unpacklo_epi32(a, b); }
 RECORDER_INLINE Lanes interleave_high32(Lanes a, Lanes b) { return _mm256_unpackhi_epi32(a, b); }
-// Either half.
-RECORDER_INLINE void store_low(void *p, Lanes a) {
-    _mm_storeu_si128(static_cast<__m128i *>(p), _mm256_castsi256_si128(a));
+// Every 128 bits to a place of their own.
+RECORDER_INLINE void store_blocks(void *const (&places)[2], Lanes a) {
+    _mm_storeu_si128(static_cast<__m128i *>(places[0]), _mm256_castsi256_si128(a));
+    _mm_storeu_si128(static_cast<__m128i *>(places[1]), _mm256_extracti128_si256(a, 1));
 }
-RECORDER_INLINE void store_high(void *p, Lanes a) {
-    _mm_storeu_si128(static_cast<__m128i *>(p), _mm256_extracti128_si256(a, 1));
+// 32 bits from each of base + at[i]. By scalar loads: the gather instruction is slow on AMD's processors, and
+// on Intel's since its leaks were closed.
+RECORDER_INLINE Lanes load_each32(const std::uint8_t *base, const std::uint32_t *at) {
+    const auto word = [&](std::uint32_t i) {
+        int value;
+        std::memcpy(&value, base + at[i], sizeof value);
+        return value;
+    };
+    const auto four = [&](std::uint32_t i) {
+        const __m128i low = _mm_insert_epi32(_mm_cvtsi32_si128(word(i)), word(i + 1), 1);
+        const __m128i high = _mm_insert_epi32(_mm_cvtsi32_si128(word(i + 2)), word(i + 3), 1);
+        return _mm_unpacklo_epi64(low, high);
+    };
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(four(0)), four(4), 1);
 }
 
 RECORDER_INLINE Lanes sub64(Lanes a, Lanes b) { return _mm256_sub_epi64(a, b); }
@@ -161,7 +178,5 @@ RECORDER_INLINE Lanes right64(Lanes a) {
 // Of every two 64-bit numbers of a and of b the first ones, or the second ones: a0 b0 a2 b2, a1 b1 a3 b3.
 RECORDER_INLINE Lanes firsts64(Lanes a, Lanes b) { return _mm256_unpacklo_epi64(a, b); }
 RECORDER_INLINE Lanes seconds64(Lanes a, Lanes b) { return _mm256_unpackhi_epi64(a, b); }
-// a0 a2 a1 a3.
-RECORDER_INLINE Lanes middle_swapped64(Lanes a) { return _mm256_permute4x64_epi64(a, 0xD8); }
 
 }  // namespace recorder::avx2

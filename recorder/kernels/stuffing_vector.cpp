@@ -11,9 +11,9 @@ bool stuff(Span &span, std::uint8_t mask, std::size_t &extra) {
     Span at = span;
     while (at.size >= block) {
         const Lanes bytes = differing(load(at.source), masks);
-        const std::uint32_t found = high_bits8(equal8(bytes, prefixes));
+        const auto found = equal_bits8(bytes, prefixes);
         store(at.target, bytes);
-        // One block in ten holds an FF: it ends there, and what was stored behind is written again.
+        // Few blocks hold an FF: it ends there, and what was stored behind is written again.
         const std::size_t count = found != 0 ? lowest_bit(found) + 1u : block;
         at.target += count;
         at.source += count;
@@ -32,7 +32,7 @@ void unstuff(Span &span, std::uint8_t mask) {
     Span at = span;
     while (at.size > block) {
         const Lanes bytes = load(at.source);
-        const std::uint32_t found = high_bits8(equal8(bytes, prefixes));
+        const auto found = equal_bits8(bytes, prefixes);
         store(at.target, differing(bytes, masks));
         std::size_t count = block, dropped = 0;
         if (found != 0) {

@@ -12,12 +12,15 @@ namespace recorder::RECORDER_VECTOR {
 constexpr std::uint32_t wave_rows = 32;
 constexpr std::uint32_t wave_steps = 8;  // results are held for so many steps and then stored together
 
-// Where the lanes' pixels go. Results of a step are two vectors of 16-bit numbers as pack32 leaves them:
-// lanes 0-3 8-11 4-7 12-15, and the same from 16 on.
+constexpr std::uint32_t wave_vectors = wave_rows / lanes16;  // of 16-bit numbers
+constexpr std::uint32_t vector_blocks = sizeof(Lanes) / 16;
+
+// Where the lanes' pixels go. Results of a step are wave_vectors vectors of 16-bit numbers as pack32 leaves
+// them, four lanes and four of the next vector in turns.
 template <std::uint32_t delay>
 class WaveRows {
   public:
-    using Results = Lanes[wave_steps][2];
+    using Results = Lanes[wave_steps][wave_vectors];
 
     // Rows first_row and below of the image; `sink` has room for one row and takes what belongs to none.
     WaveRows(std::uint16_t *image, std::uint32_t width, std::uint32_t height, std::uint32_t first_row,
@@ -45,27 +48,30 @@ class WaveRows {
 
     // Stores what was decoded while lane 0 stood at x .. x + 7, where no lane starts a row.
     RECORDER_INLINE void put(const Results &results, std::uint32_t x) const {
-        for (std::uint32_t half = 0; half < 2; ++half) {
+        for (std::uint32_t v = 0; v < wave_vectors; ++v) {
             Lanes pixels[wave_steps];
-            transpose(results, half, pixels);
+            transpose(results, v, pixels);
             for (std::uint32_t i = 0; i < wave_steps; ++i) {
-                const std::uint32_t j = lane_of(half, i);
-                store_low(rows_[j] + (x - delay * j), pixels[i]);
-                store_high(rows_[j + 4] + (x - delay * (j + 4)), pixels[i]);
+                void *places[vector_blocks];
+                for (std::uint32_t block = 0; block < vector_blocks; ++block) {
+                    const std::uint32_t j = lane_of(v, i, block);
+                    places[block] = rows_[j] + (x - delay * j);
+                }
+                store_blocks(places, pixels[i]);
             }
         }
     }
 
     // The same where lanes may end one row and start the next.
     void put_edge(const Results &results, std::uint32_t x) const {
-        for (std::uint32_t half = 0; half < 2; ++half) {
+        for (std::uint32_t v = 0; v < wave_vectors; ++v) {
             Lanes pixels[wave_steps];
-            transpose(results, half, pixels);
+            transpose(results, v, pixels);
             for (std::uint32_t i = 0; i < wave_steps; ++i) {
-                std::uint16_t both_rows[2 * wave_steps];
-                store(both_rows, pixels[i]);
-                put_lane(both_rows, lane_of(half, i), x);
-                put_lane(both_rows + wave_steps, lane_of(half, i) + 4, x);
+                std::uint16_t blocks[vector_blocks][wave_steps];
+                store(blocks, pixels[i]);
+                for (std::uint32_t block = 0; block < vector_blocks; ++block)
+                    put_lane(blocks[block], lane_of(v, i, block), x);
             }
         }
     }
@@ -78,8 +84,9 @@ class WaveRows {
         const std::uint32_t y = row_of(group, 0) - 1;
         return y < height_ ? image_ + std::size_t{y} * width_ : sink_;
     }
-    static constexpr std::uint32_t lane_of(std::uint32_t half, std::uint32_t i) {
-        return 16 * half + (i < 4 ? i : i + 4);
+    // Whose pixels stand in the given block of 128 bits of pixels[i] of vector v.
+    static constexpr std::uint32_t lane_of(std::uint32_t v, std::uint32_t i, std::uint32_t block) {
+        return lanes16 * v + 4 * block + (i < 4 ? i : lanes32 + i - 4);
     }
 
     void put_lane(const std::uint16_t *pixels, std::uint32_t lane, std::uint32_t x) const {
@@ -92,12 +99,12 @@ class WaveRows {
         }
     }
 
-    // pixels[i]: eight of lane lane_of(half, i), then eight of four lanes on.
-    RECORDER_INLINE static void transpose(const Results &results, std::uint32_t half, Lanes (&pixels)[wave_steps]) {
+    // pixels[i]: eight of each lane_of(v, i, block).
+    RECORDER_INLINE static void transpose(const Results &results, std::uint32_t v, Lanes (&pixels)[wave_steps]) {
         Lanes pairs[8], fours[8];
         for (std::uint32_t i = 0; i < 4; ++i) {
-            pairs[i] = interleave_low16(results[2 * i][half], results[2 * i + 1][half]);
-            pairs[i + 4] = interleave_high16(results[2 * i][half], results[2 * i + 1][half]);
+            pairs[i] = interleave_low16(results[2 * i][v], results[2 * i + 1][v]);
+            pairs[i + 4] = interleave_high16(results[2 * i][v], results[2 * i + 1][v]);
         }
         for (std::uint32_t i = 0; i < 8; i += 2) {
             fours[i] = interleave_low32(pairs[i], pairs[i + 1]);

@@ -1,6 +1,6 @@
-// Sixteen 32-bit numbers in two vectors. Each operation is done on both before the next begins: a processor
-// that looks a hundred instructions ahead then finds chains to work on at once, where one vector after
-// another would leave it waiting. Four at a time would not fit sixteen registers.
+// Sixteen 32-bit numbers, in one vector or two. Each operation is done on both before the next begins: a
+// processor that looks a hundred instructions ahead then finds chains to work on at once, where one vector
+// after another would leave it waiting. Four at a time would not fit sixteen registers.
 #pragma once
 
 #include <type_traits>
@@ -9,8 +9,8 @@
 
 namespace recorder::RECORDER_VECTOR {
 
-constexpr std::uint32_t wide_parts = 2;
-constexpr std::uint32_t wide_lanes = wide_parts * lanes32;
+constexpr std::uint32_t wide_lanes = 16;
+constexpr std::uint32_t wide_parts = wide_lanes / lanes32;
 
 struct Wide {
     Lanes part[wide_parts];
@@ -64,7 +64,9 @@ RECORDER_INLINE Wide signed_right32(const Wide &a) {
 }
 
 RECORDER_INLINE Wide load_wide(const std::uint32_t *p) {
-    return {{load(p), load(p + lanes32)}};
+    Wide a;
+    for (std::uint32_t i = 0; i < wide_parts; ++i) a.part[i] = load(p + i * lanes32);
+    return a;
 }
 RECORDER_INLINE void store_wide(std::uint32_t *p, const Wide &a) {
     for (std::uint32_t i = 0; i < wide_parts; ++i) store(p + i * lanes32, a.part[i]);
@@ -72,17 +74,27 @@ RECORDER_INLINE void store_wide(std::uint32_t *p, const Wide &a) {
 
 // All numbers one lane up, and `first` in the first lane.
 RECORDER_INLINE Wide shifted_up32(Lanes first, const Wide &a) {
-    return {{shifted_up32(first, a.part[0]), shifted_up32(a.part[0], a.part[1])}};
+    Wide shifted;
+    for (std::uint32_t i = 0; i < wide_parts; ++i)
+        shifted.part[i] = shifted_up32(i > 0 ? a.part[i - 1] : first, a.part[i]);
+    return shifted;
 }
 
-// 32 bits from each of base + offset, the first byte the highest. By scalar loads: the gather instruction is
-// slow on AMD's processors, and on Intel's since its leaks were closed.
+// Thirty-two numbers below 2^16 packed, vector after vector, each as pack32 leaves it.
+RECORDER_INLINE void pack(const Wide (&a)[2], Lanes (&packed)[wide_parts]) {
+    for (std::uint32_t i = 0; i < wide_parts; ++i) {
+        const std::uint32_t j = 2 * i, k = j + 1;
+        packed[i] = pack32(a[j / wide_parts].part[j % wide_parts], a[k / wide_parts].part[k % wide_parts]);
+    }
+}
+
+// 32 bits from each of base + offset, the first byte the highest.
 class BigEndianGather {
   public:
     explicit BigEndianGather(const std::uint8_t *base) : base_(base) {}
 
     struct Offsets {
-        alignas(32) std::uint32_t at[wide_parts * lanes32];
+        alignas(sizeof(Lanes)) std::uint32_t at[wide_lanes];
     };
     // In two halves, because a number that was just stored takes time to be loaded.
     RECORDER_INLINE static void prepare(Offsets &offsets, const Wide &values) {
@@ -92,28 +104,16 @@ class BigEndianGather {
     RECORDER_INLINE Wide load(const Offsets &offsets) const {
         Wide words;
 #pragma GCC unroll 2
-        for (std::uint32_t i = 0; i < wide_parts; ++i) {
-            const std::uint32_t *at = offsets.at + i * lanes32;
-            words.part[i] = _mm256_inserti128_si256(_mm256_castsi128_si256(load4(at)), load4(at + 4), 1);
-        }
+        for (std::uint32_t i = 0; i < wide_parts; ++i) words.part[i] = load_each32(base_, offsets.at + i * lanes32);
         return look_up(words, reversed_);
     }
 
   private:
-    RECORDER_INLINE int word(std::uint32_t offset) const {
-        int value;
-        std::memcpy(&value, base_ + offset, sizeof value);
-        return value;
-    }
-    RECORDER_INLINE __m128i load4(const std::uint32_t *at) const {
-        const __m128i low = _mm_insert_epi32(_mm_cvtsi32_si128(word(at[0])), word(at[1]), 1);
-        const __m128i high = _mm_insert_epi32(_mm_cvtsi32_si128(word(at[2])), word(at[3]), 1);
-        return _mm_unpacklo_epi64(low, high);
-    }
+    alignas(16) static constexpr std::uint8_t reversed_words[16] = {3,  2,  1, 0, 7,  6,  5,  4,
+                                                                    11, 10, 9, 8, 15, 14, 13, 12};
 
     const std::uint8_t *base_;
-    Lanes reversed_ = kept(_mm256_broadcastsi128_si256(
-        _mm_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12)));
+    Lanes reversed_ = kept(table16(reversed_words));
 };
 
 }  // namespace recorder::RECORDER_VECTOR
