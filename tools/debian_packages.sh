@@ -26,6 +26,7 @@ if [ "$purpose" = test ]; then
     command -v arv-tool-0.8 >/dev/null || need aravis-tools-cli
     command -v gpsfake >/dev/null || need gpsd gpsd-tools gpsd-clients
     command -v systemd-analyze >/dev/null || need systemd
+    [ -e /usr/include/simde/x86/avx512.h ] || need libsimde-dev
 fi
 if [ "$purpose" = fuzz ]; then
     command -v clang++ >/dev/null || need clang

@@ -19,11 +19,18 @@ compile() { # compile OBJECT SOURCE FLAGS...
     "$CXX" -std=c++17 -O2 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -Wall -Wextra \
         -I"$kernels" -c "$@" -o "$object.o" &
 }
+avx2="-mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe"
+avx512="-mavx512f -mavx512bw -mavx512cd -mavx512dq -mavx512vl"
+# shellcheck disable=SC2086  # one option a word
 for source in "$root"/tools/fuzz_*.cpp "$kernels"/*.cpp; do
     name=$(basename "$source" .cpp)
     case $name in
         bindings | cpu | vector_kernels) ;; # fuzz_sets stands for the last two
-        *_vector) compile "$name-avx2" "$source" -mavx2 -mbmi -mbmi2 -mlzcnt -mmovbe ;;
+        decode*_vector) compile "$name-avx2" "$source" $avx2 ;;
+        *_vector)
+            compile "$name-avx2" "$source" $avx2
+            compile "$name-avx512" "$source" $avx2 $avx512 -DRECORDER_AVX512
+            ;;
         *) compile "$name" "$source" ;;
     esac
 done

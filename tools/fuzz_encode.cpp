@@ -105,7 +105,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t *data, std::size_t size
     Source source(data, size);
     const auto model = static_cast<Model>(source.below(3));
     const std::uint32_t depth = 1u + source.below(model == Model::felics_ls ? deepest_ls : 16);
-    const std::uint32_t width = 1u + source.below(source.below(8) == 0 ? 600 : 70), height = 1u + source.below(70);
+    std::uint32_t width = 1u + source.below(source.below(8) == 0 ? 1300 : 140);
+    if (source.below(8) == 0) width = (width + 63) / 64 * 64;  // as cameras have it
+    const std::uint32_t height = 1u + source.below(70);
     Bytes table(table_size(model));
     const bool trained = source.below(8) == 0, sound = source.below(8) != 0;
     for (std::size_t i = 0; i < table.size(); ++i) {

@@ -125,8 +125,8 @@ def decode(
         target, kind = target_of(stream, out, format.value if format else None, len(frames))
         files = write_decoded(frames, stream, target, kind, force=force, report=report)
     if json:
-        told = {"images": len(files), "out": str(target.absolute()), "files": list(map(str, files))}
-        print_json({"stream": name(stream), **told, "images": len(frames)})
+        told = {"images": len(frames), "out": str(target.absolute()), "files": list(map(str, files))}
+        print_json({"stream": name(stream), **told})
     else:
         print(f"{target}: {_count(len(frames))}")
     return 0

@@ -26,6 +26,8 @@ def at_hand(path: Path) -> Iterator[Path]:
     if path != PIPE:
         yield path
         return
+    if sys.stdin is None:
+        raise UsageError("is closed", where=name(path), todo="give a file or a pipe")
     with tempfile.NamedTemporaryFile(prefix="recorder-") as spool:
         shutil.copyfileobj(sys.stdin.buffer, spool)
         spool.flush()
@@ -43,7 +45,7 @@ def new_file(path: Path, *, force: bool) -> Iterator[BinaryIO]:
         return
     if path.exists() and not path.is_file():
         raise UsageError("exists and is not a file", where=str(path), todo="choose another name")
-    if path.exists() and not force:
+    if (path.exists() or path.is_symlink()) and not force:
         raise _exists(path)
     part = _beside(path)
     try:

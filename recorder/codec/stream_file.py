@@ -29,11 +29,11 @@ class StreamFile:
             if not (stat.S_ISREG(mode) or stat.S_ISBLK(mode)):
                 raise UsageError("not a file", where=str(path), todo="give a file that holds images")
             self._file = path.open("rb", buffering=0)
+            self.size = self._file.seek(0, os.SEEK_END)
         except OSError as error:
             reason = {errno.ENOENT: "not there", errno.EACCES: "no permission to read"}.get(error.errno or 0)
             what = reason or f"cannot be read ({error.strerror or error})"
             raise UsageError(what, where=str(path), todo="check the path") from error
-        self.size = self._file.seek(0, os.SEEK_END)
 
     def read(self, offset: int, size: int) -> bytes:
         """So many bytes; fewer where the file ends or has shrunk. Raises ValueError once it is closed."""

@@ -39,7 +39,7 @@ def felics_decode_into(data: _Buffer, out: NDArray[np.uint16]) -> None:
     """Decodes into a C-contiguous array. Raises FormatError, or ValueError for one of another shape."""
 
 def instruction_set() -> str:
-    """What the kernels run on, "scalar" or "avx2": what RECORDER_KERNELS names, or the processor's best."""
+    """ "scalar", "avx2" or "avx512": what RECORDER_KERNELS names, or the processor's best."""
 
 def find_marker(data: _Buffer, start: int) -> int:
     """The position of the next FF E8 or FF E9 at or after ``start``, or the length of the data."""

@@ -1,4 +1,4 @@
-// Brings the code words of 32 pixels into a few words of up to 63 bits: neighbours are merged in ever wider
+// Brings the code words of a step's pixels into a few words of up to 63 bits: neighbours are merged in ever wider
 // numbers, 16 to 32 to 64 bits, so that few are left to be appended one after another.
 #pragma once
 
@@ -8,6 +8,10 @@
 namespace recorder::RECORDER_VECTOR {
 
 constexpr std::uint32_t step_pixels = 2 * lanes16;
+
+RECORDER_INLINE void prefetch_step(const std::uint16_t *pixels) {
+    for (std::uint32_t i = 0; i < step_pixels; i += 32) prefetch(pixels + i);  // 64 bytes each
+}
 
 // Code words right-aligned in 16 bits (the leading zeros of a word may stand outside), with their lengths.
 struct Codes {
@@ -40,7 +44,7 @@ class WordBlock {
     [[gnu::noinline]] void put_each(const Codes *codes) {
         constexpr std::uint32_t numbers = sizeof(Lanes) / sizeof(Number);
         for (std::uint32_t i = 0; i < 2; ++i) {
-            alignas(32) Number values[numbers], lengths[numbers];
+            alignas(sizeof(Lanes)) Number values[numbers], lengths[numbers];
             store(values, codes[i].values);
             store(lengths, codes[i].lengths);
             for (std::uint32_t j = 0; j < numbers; ++j, ++count_) {
@@ -51,7 +55,7 @@ class WordBlock {
     }
 
   private:
-    alignas(32) std::uint64_t words_[steps * step_pixels], lengths_[steps * step_pixels];
+    alignas(sizeof(Lanes)) std::uint64_t words_[steps * step_pixels], lengths_[steps * step_pixels];
     std::uint32_t count_ = 0;
 };
 

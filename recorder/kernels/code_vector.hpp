@@ -18,8 +18,7 @@ class CodeAssembler {
                                    Lanes distance, Lanes above, Lanes k_twice) const {
         // The prefix, the remainder and the side; the zeros before it are only counted.
         const Lanes divisor = powers.power(k_twice);
-        const Lanes quotient =
-            multiply_high16(add16(distance, distance), powers.power(sub16(fifteen_twice_, k_twice)));
+        const Lanes quotient = powers.divided(distance, k_twice);
         const Lanes half = add16(divisor, common(distance, sub16(divisor, one_)));
         const Lanes outside_value = add16(add16(half, half), above);
         const Lanes outside_length = add16(add16(common(k_twice, low_byte_), quotient), three_);
@@ -33,7 +32,7 @@ class CodeAssembler {
   private:
     Lanes escape_one_, escape_length_;
     Lanes one_ = kept(all16(1)), three_ = kept(all16(3)), low_byte_ = kept(all16(0xFF));
-    Lanes fifteen_twice_ = kept(all16(0x0F0F)), last_quotient_ = kept(all16(escape_zeros - 2));
+    Lanes last_quotient_ = kept(all16(escape_zeros - 2));
 };
 
 }  // namespace recorder::RECORDER_VECTOR

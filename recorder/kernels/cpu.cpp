@@ -8,13 +8,24 @@
 namespace recorder {
 namespace {
 
-constexpr InstructionSet all_sets[] = {InstructionSet::scalar, InstructionSet::avx2};
+constexpr InstructionSet all_sets[] = {InstructionSet::scalar, InstructionSet::avx2, InstructionSet::avx512};
+
+#if RECORDER_HAS_WIDE
+bool has_avx2() {
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
+           __builtin_cpu_supports("lzcnt") && __builtin_cpu_supports("movbe");
+}
+
+bool has_avx512() {
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+           __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
+           __builtin_cpu_supports("avx512vl");
+}
+#endif
 
 InstructionSet best() {
 #if RECORDER_HAS_WIDE
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
-        __builtin_cpu_supports("lzcnt") && __builtin_cpu_supports("movbe"))
-        return InstructionSet::avx2;
+    if (has_avx2()) return has_avx512() ? InstructionSet::avx512 : InstructionSet::avx2;
 #endif
     return InstructionSet::scalar;
 }
@@ -27,7 +38,7 @@ InstructionSet chosen() {
         if (set > best()) throw ArgumentError{"RECORDER_KERNELS asks for instructions that this processor lacks"};
         return set;
     }
-    throw ArgumentError{"RECORDER_KERNELS is scalar or avx2; unset, the best that the processor has"};
+    throw ArgumentError{"RECORDER_KERNELS is scalar, avx2 or avx512; unset, the best that the processor has"};
 }
 
 }  // namespace
@@ -37,6 +48,13 @@ InstructionSet instruction_set() {
     return set;
 }
 
-const char *name_of(InstructionSet set) { return set == InstructionSet::avx2 ? "avx2" : "scalar"; }
+const char *name_of(InstructionSet set) {
+    switch (set) {
+        case InstructionSet::avx512: return "avx512";
+        case InstructionSet::avx2: return "avx2";
+        case InstructionSet::scalar: break;
+    }
+    return "scalar";
+}
 
 }  // namespace recorder

@@ -13,7 +13,7 @@
 namespace recorder {
 
 // In the order of their power.
-enum class InstructionSet { scalar, avx2 };
+enum class InstructionSet { scalar, avx2, avx512 };
 
 // What RECORDER_KERNELS in the environment names, or the best that the processor has. Throws ArgumentError if
 // the name is unknown or the processor lacks it; once it has returned it always gives the same.

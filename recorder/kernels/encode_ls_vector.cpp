@@ -49,7 +49,7 @@ std::uint32_t encode_ls_row(BitWriter &bits, const LsLines &lines, const std::ui
     while (x + step_pixels <= width) {
         const std::uint32_t end = std::min(width - step_pixels, x + (WordBlock::steps - 1) * step_pixels);
         for (; x <= end; x += step_pixels) {
-            prefetch(row + x + width);  // a row ahead
+            prefetch_step(row + x + width);  // a row ahead
             crc = checksum_step(crc, line + x);
             const Codes first = encoder.encode(line + x, above + x, above_2 + x);
             const std::uint32_t next = x + lanes16;

@@ -75,7 +75,7 @@ std::uint32_t encode_row(BitWriter &bits, const std::uint16_t *row, std::uint32_
         const std::uint32_t end = std::min(width - step_pixels, x + (WordBlock::steps - 1) * step_pixels);
         for (; x <= end; x += step_pixels) {
             const std::uint16_t *pixels = row + x;
-            prefetch(pixels + width);
+            prefetch_step(pixels + width);
             if (x > 0) lefts = load(pixels - 1);
             const Codes first = encoder.encode(load(pixels), lefts, load(tops + x));
             const Codes second =
@@ -104,7 +104,7 @@ void pack_row(BitWriter &bits, const std::uint16_t *row, std::uint32_t width, st
     while (x + step_pixels <= width) {
         const std::uint32_t end = std::min(width - step_pixels, x + (WordBlock::steps - 1) * step_pixels);
         for (; x <= end; x += step_pixels) {
-            prefetch(row + x + width);
+            prefetch_step(row + x + width);
             merger.merge({load(row + x), lengths}, {load(row + x + lanes16), lengths}, block);
         }
         block.append_to(writer);

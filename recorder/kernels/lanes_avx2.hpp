@@ -5,7 +5,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 
 #define RECORDER_INLINE [[gnu::always_inline]] inline
 
@@ -142,12 +141,10 @@ RECORDER_INLINE Lanes odds32(Lanes a, Lanes b) {
 }
 // Four 64-bit words, wherever they stand, two in each half.
 RECORDER_INLINE Lanes load_each64(const void *a, const void *b, const void *c, const void *d) {
-    // As doubles, because those have a load into either half.
     const auto two = [](const void *first, const void *second) {
-        double low, high;
-        std::memcpy(&low, first, sizeof low);
-        std::memcpy(&high, second, sizeof high);
-        return _mm_castpd_si128(_mm_loadh_pd(_mm_set_sd(low), &high));
+        const __m128i low = _mm_loadl_epi64(static_cast<const __m128i *>(first));
+        // Only doubles have a load into the upper half; the instruction asks for no alignment.
+        return _mm_castpd_si128(_mm_loadh_pd(_mm_castsi128_pd(low), static_cast<const double *>(second)));
     };
     return _mm256_inserti128_si256(_mm256_castsi128_si256(two(a, b)), two(c, d), 1);
 }

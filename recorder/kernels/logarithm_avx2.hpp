@@ -19,6 +19,11 @@ class Powers {
     // 2^n of 0 <= n < 16 given twice.
     RECORDER_INLINE Lanes power(Lanes n_twice) const { return look_up(powers_, sub16(n_twice, eight_above_)); }
 
+    // a / 2^n, rounded down, of a < 2^15 and n < 16 given twice.
+    RECORDER_INLINE Lanes divided(Lanes a, Lanes n_twice) const {
+        return multiply_high16(add16(a, a), power(sub16(fifteen_twice_, n_twice)));
+    }
+
   private:
     alignas(16) static constexpr signed char low_bytes[16] = {-128, 0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3};
     alignas(16) static constexpr signed char high_bytes[16] = {-128, 4, 5, 5, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7, 7, 7};
@@ -29,6 +34,7 @@ class Powers {
     Lanes low_nibble_ = kept(table16(low_bytes)), high_nibble_ = kept(table16(high_bytes));
     Lanes powers_ = kept(table16(power_bytes)), other_byte_ = kept(table16(swap_bytes));
     Lanes nibble_ = kept(all16(0x0F0F)), eight_above_ = kept(all16(0x0800));
+    Lanes fifteen_twice_ = kept(all16(0x0F0F));
 };
 
 }  // namespace recorder::avx2

@@ -9,7 +9,7 @@ namespace recorder {
 // The last three rows with what stands for the pixels beside them, so that no step has edges to mind.
 class LsLines {
   public:
-    static constexpr std::uint32_t before = 16, behind = 48;
+    static constexpr std::uint32_t before = 16, behind = 80;
 
     static std::size_t size(std::uint32_t width) { return 3 * (std::size_t{width} + before + behind); }
     // `memory` has room for size(width).

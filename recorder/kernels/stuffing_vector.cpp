@@ -12,9 +12,9 @@ bool stuff(Span &span, std::uint8_t mask, std::size_t &extra) {
     Span at = span;
     while (at.size >= block) {
         const Lanes bytes = differing(load(at.source), masks);
-        const std::uint32_t found = high_bits8(equal8(bytes, prefixes));
+        const auto found = high_bits8(equal8(bytes, prefixes));
         store(at.target, bytes);
-        // One block in ten holds an FF: it ends there, and what was stored behind is written again.
+        // Few blocks hold an FF: it ends there, and what was stored behind is written again.
         const std::size_t count = found != 0 ? lowest_bit(found) + 1u : block;
         at.target += count;
         at.source += count;
@@ -33,7 +33,7 @@ void unstuff(Span &span, std::uint8_t mask) {
     Span at = span;
     while (at.size > block) {
         const Lanes bytes = load(at.source);
-        const std::uint32_t found = high_bits8(equal8(bytes, prefixes));
+        const auto found = high_bits8(equal8(bytes, prefixes));
         store(at.target, differing(bytes, masks));
         std::size_t count = block, dropped = 0;
         if (found != 0) {
@@ -58,7 +58,7 @@ std::size_t next_marker(const std::uint8_t *data, std::size_t size, std::size_t 
     if (size <= blocks * block) return from;
     for (const std::size_t last = size - blocks * block; from < last; from += blocks * block) {
         const std::uint8_t *at = data + from;
-        Lanes found[blocks];
+        decltype(markers(at)) found[blocks];
         for (std::size_t i = 0; i < blocks; ++i) found[i] = markers(at + i * block);
         if (!any(both(both(found[0], found[1]), both(found[2], found[3])))) continue;
         for (std::size_t i = 0; i < blocks; ++i)

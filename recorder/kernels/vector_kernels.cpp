@@ -9,10 +9,17 @@ namespace recorder {
 namespace avx2 {
 extern const VectorKernels kernels;
 }
+namespace avx512 {
+extern const VectorKernels kernels;
+}
 
 const VectorKernels *vector_kernels() {
-    static const VectorKernels *const chosen = has_wide() ? &avx2::kernels : nullptr;
-    return chosen;
+    switch (instruction_set()) {
+        case InstructionSet::avx512: return &avx512::kernels;
+        case InstructionSet::avx2: return &avx2::kernels;
+        case InstructionSet::scalar: break;
+    }
+    return nullptr;
 }
 
 #else

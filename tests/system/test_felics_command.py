@@ -1,8 +1,10 @@
 """``recorder felics`` as a user runs it: exact there and back, and one line for what cannot be."""
 
 import os
+import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -172,6 +174,40 @@ def test_even_force_replaces_no_device() -> None:
     assert Path("/dev/null").is_char_device()
 
 
+def npy_head(shape: str) -> bytes:
+    head = f"{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}}}\n".encode()
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + bytes(99)
+
+
+def png(bits: int) -> bytes:
+    """Four pixels, 0 1 2 3."""
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", 4, 1, bits, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(b"\0\x1b")),
+        (b"IEND", b""),
+    )
+    parts = (
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in chunks
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def tiff(bits: int) -> bytes:
+    """4 x 4 pixels, not compressed."""
+    size = 2 * bits
+    tags = {256: 4, 257: 4, 258: bits, 259: 1, 262: 1, 273: 8, 277: 1, 278: 4, 279: size}
+    entries = b"".join(struct.pack("<HHIHH", tag, 3, 1, value, 0) for tag, value in tags.items())
+    return (
+        b"II*\0"
+        + struct.pack("<I", 8 + size)
+        + bytes(size)
+        + struct.pack("<H", len(tags))
+        + entries
+        + bytes(4)
+    )
+
+
 BAD: dict[str, bytes] = {
     "empty.png": b"",
     "text.png": b"no picture",
@@ -184,7 +220,18 @@ BAD: dict[str, bytes] = {
     "none.pgm": b"P5 0 1 255\n",
     "zero.pgm": b"P5 1 1 0\n\0",
     "words.pgm": b"P2 2 1 255\n1 two",
+    "digits.pgm": b"P5 " + 5000 * b"9" + b" 1 255\n",
+    "wide.pgm": b"P5 999999999 0 255\n",
+    "number.pgm": b"P2 2 1 255\n1 " + 5000 * b"9",
+    "two.pgm": 2 * b"P5 2 1 255\n12",
+    "two_ascii.pgm": b"P2 2 1 255\n1 2 3",
     "head.npy": b"\x93NUMPY\x01\x00",
+    "broken.npy": b"\x93NUMPY\x01\x00\x08\x00{'a': (\n",
+    "type.npy": npy_head("[(]"),
+    "shape.npy": npy_head("(99999999999999999999999, 3)"),
+    "true.npy": npy_head("(True, 3)"),
+    "bits.png": png(bits=2),
+    "bits.tiff": tiff(bits=12),
 }
 
 
@@ -214,6 +261,52 @@ def test_an_array_that_is_no_stack_is_one_line(tmp_path: Path, array: NDArray[An
     ran = recorder("felics", "encode", tmp_path / "in.npy", "-o", tmp_path / "out.felics")
     assert ran.code == 2, ran.out
     assert "in.npy" in ran.problem
+
+
+@pytest.mark.parametrize("left", [0.4, 0.7, 0.99])
+def test_a_tiff_that_has_lost_pages_is_refused(tmp_path: Path, left: float) -> None:
+    source = tmp_path / "pages.tiff"
+    assert cv2.imwritemulti(str(source), [picture(10, seed) for seed in range(3)])
+    assert recorder("felics", "encode", source, "-o", tmp_path / "whole.felics").code == 0
+    assert len(headers(tmp_path / "whole.felics")) == 3
+    data = source.read_bytes()
+    source.write_bytes(data[: int(len(data) * left)])
+    ran = recorder("felics", "encode", source, "-o", tmp_path / "out.felics")
+    assert ran.code == 2, ran.out
+    assert "pages.tiff" in ran.problem
+    assert not (tmp_path / "out.felics").exists()
+
+
+def test_an_input_that_cannot_be_looked_for_is_not_blamed_on_the_output(tmp_path: Path) -> None:
+    ran = recorder("felics", "encode", 300 * "x", "-o", tmp_path / "out.felics")
+    assert ran.code == 2
+    assert ran.problem.startswith("recorder: xxx")
+
+
+def test_a_closed_standard_input_is_one_line(tmp_path: Path) -> None:
+    program = [sys.executable, "-m", "recorder"]
+    for arguments in (["encode", "-", "-o", str(tmp_path / "out.felics")], ["info", "-"]):
+        ran = subprocess.run(
+            ["sh", "-c", 'exec "$@" <&-', "sh", *program, "felics", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ran.returncode == 2, ran.stderr
+        assert ran.stderr.startswith("recorder: standard input: is closed")
+
+
+def test_a_name_with_brackets_is_printed_as_it_is(tmp_path: Path, stream: Path) -> None:
+    ran = recorder("felics", "info", stream.rename(tmp_path / "[red]a.felics"))
+    assert ran.code == 0, ran.err
+    assert "[red]a.felics" in ran.out
+
+
+def test_a_dangling_link_is_not_replaced_unasked(tmp_path: Path, stream: Path) -> None:
+    link = tmp_path / "link.felics"
+    link.symlink_to(tmp_path / "elsewhere")
+    assert recorder("felics", "salvage", stream, "-o", link).code == 2
+    assert link.is_symlink()
 
 
 def test_colour_is_refused_with_what_to_do(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 import mmap
 import os
+import platform
+import shutil
 import subprocess
 import sys
 import threading
@@ -457,6 +459,17 @@ def run_with_kernels(name: str | None, script: str) -> subprocess.CompletedProce
     return subprocess.run(
         [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False
     )
+
+
+@pytest.mark.skipif(
+    platform.machine() != "x86_64" or shutil.which("g++") is None or not Path("/usr/include/simde").is_dir(),
+    reason="needs g++ and libsimde-dev on x86-64",
+)
+def test_every_instruction_set_writes_and_reads_the_same() -> None:
+    script = Path(__file__).parents[2] / "tools" / "emulate_avx512.sh"
+    done = subprocess.run([script, "1000"], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "1000 pictures, nothing found\n"
 
 
 def test_kernels_that_nobody_knows_are_refused_at_import() -> None:
