@@ -1,6 +1,6 @@
 """UTC against raw time from the receiver's pulse (PPS), one at each full second."""
 
-from recorder.timebase.steering import BEND_NS2_PER_S3, PICO, SECOND_NS, Line
+from recorder.timebase.steering import BEND_NS2_PER_S3, SECOND_NS, Line
 
 PULSE_SIGMA_NS = 10_000.0
 """How far the kernel's stamp of one pulse is off: the interrupt comes sooner or later."""
@@ -77,6 +77,6 @@ class PulseClock:
 
 def nearest_second(line: Line, raw_ns: int) -> tuple[int, int]:
     """The full second nearest to an instant, and how far from it the line says that it is, both ns."""
-    utc_ns = line.pico(raw_ns) // PICO
+    utc_ns = line.at(raw_ns)
     second_ns = (utc_ns + SECOND_NS // 2) // SECOND_NS * SECOND_NS
     return second_ns, abs(utc_ns - second_ns)

@@ -10,7 +10,7 @@ from recorder.samples import Fix, UtcTime
 from recorder.timebase.arrivals import Arrivals, Envelope, fit
 from recorder.timebase.dates import day_ns, is_leap_second, judge
 from recorder.timebase.pulses import LATE_SIGMA_NS, PulseClock, nearest_second
-from recorder.timebase.steering import MS_NS, PICO, SECOND_NS, Line
+from recorder.timebase.steering import MS_NS, SECOND_NS, Line
 from recorder.timebase.utc import (
     CERTAIN_SIGMAS,
     HOLD_OVER_NS,
@@ -50,7 +50,7 @@ class SolvedUtc:
             near = [(self.forward[after - 1], 1)] if after else []
             near += [(self.backward[before], -1)] if before < len(self.backward) else []
             for line, sign in near:
-                told_ns = sign * (line.pico(sign * raw_ns) // PICO)
+                told_ns = sign * line.at(sign * raw_ns)
                 estimates.append((float(told_ns - base_ns), line.sigma_ns(sign * raw_ns) ** 2))
             pulsed_ns = min(abs(raw_ns - sign * line.raw_ns) for line, sign in near)
         weight = sum(1 / variance for _, variance in estimates)
@@ -101,7 +101,7 @@ def solve(
     envelope, delay = fit(arrivals), Delay(settings)
     named = list(_named(pulses_raw_ns, heard, envelope, origin, delay))
     if named:
-        off_ns = [second_ns - line.pico(raw_ns) // PICO for raw_ns, second_ns, line in named]
+        off_ns = [second_ns - line.at(raw_ns) for raw_ns, second_ns, line in named]
         delay.ms += sum(off_ns) / len(off_ns) / MS_NS
         delay.sigma_ms = sum(envelope.sigma((raw_ns - origin[0]) / 1e9) for raw_ns, _, _ in named) / len(
             named

@@ -37,10 +37,10 @@ class Line:
     """ns²/s²"""
     source: str
 
-    def pico(self, raw_ns: int) -> int:
-        """UTC at an instant in 10⁻¹² ns."""
+    def at(self, raw_ns: int, beside_pico: int = 0) -> int:
+        """UTC at an instant, and 10⁻¹² ns beside it; rounded down once."""
         age_ns = raw_ns - self.raw_ns
-        return (self.utc_ns + age_ns) * PICO + age_ns * self.rate_pico
+        return self.utc_ns + age_ns + (age_ns * self.rate_pico + beside_pico) // PICO
 
     def sigma_ns(self, raw_ns: int) -> float:
         """One standard deviation at an instant; grows without bound with the distance."""
@@ -98,7 +98,7 @@ class Steering:
             return
         from_ns = self._asked_raw_ns + 1
         former = self._segments[-1]
-        ahead_ns = self._answer(former, from_ns).utc_ns - line.pico(from_ns) // PICO
+        ahead_ns = self._answer(former, from_ns).utc_ns - line.at(from_ns)
         if ahead_ns < -STEP_AHEAD_NS or ahead_ns > WRONG_DATE_NS:
             ahead_ns = 0
         slew_pico = min(FASTEST_PICO, max(SLOWEST_PICO, abs(ahead_ns) * 1000 // CORRECTION_S))
@@ -124,4 +124,4 @@ class Steering:
     @staticmethod
     def _answer(segment: _Segment, raw_ns: int) -> Steered:
         left = segment.left_pico(raw_ns)
-        return Steered((segment.line.pico(raw_ns) + left) // PICO, left // PICO, segment.line)
+        return Steered(segment.line.at(raw_ns, left), left // PICO, segment.line)
