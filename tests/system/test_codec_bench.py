@@ -62,7 +62,7 @@ def test_a_codec_that_changes_a_pixel_ends_the_bench(spoilt: int) -> None:
 
 @pytest.mark.parametrize("kind", ["noise", "zeros", "saturated"])
 def test_every_peer_is_lossless(kind: str) -> None:
-    pytest.importorskip("imagecodecs", reason="the peers of the benches come with make bench")
+    pytest.importorskip("jpeg_ls", reason="the peers of the benches come with make bench")
     for peer in peers(*TINY):
         assert coded(peer, content(kind, 1, *TINY))
 
