@@ -17,10 +17,14 @@ class CameraTiming:
         """Frames that came more than half a period later than the quickest do; nothing is missing."""
         self.skipped = 0
         """Images that the camera itself left out, by its ticks; its ids do not count them."""
-        self.restarts = -1
-        """How often its clock was taken for a new one after the first time."""
+        self._clocks = 0
         self._latency_ns = self._sigma_ns = 0
         self._told = (0, 0)
+
+    @property
+    def restarts(self) -> int:
+        """How often its clock was taken for a new one after the first time."""
+        return max(0, self._clocks - 1)
 
     def stamped(self, frame: Frame, stamp: Stamp) -> Stamp:
         """``stamp``, whose ``raw_ns`` is known, with the middle of the exposure."""
@@ -31,13 +35,13 @@ class CameraTiming:
         told = self._clock.observe(frame.id, stamp.device_ns, stamp.raw_ns, exposure_ns, period_ns)
         self.late += bool(period_ns and 2 * told.latency_ns > period_ns)
         self.skipped += told.skipped
-        self.restarts += told.restarted
+        self._clocks += told.restarted
         self._latency_ns, self._sigma_ns = told.latency_ns, told.sigma_ns
         return replace(stamp, exposure_raw_ns=told.raw_ns, exposure_sigma_ns=told.sigma_ns)
 
     def news(self) -> str:
         """What there is to tell since the last call; empty if nothing."""
-        now = self.skipped, max(0, self.restarts)
+        now = self.skipped, self.restarts
         skipped, restarts = (new - old for new, old in zip(now, self._told, strict=True))
         self._told = now
         parts = [f"{skipped} images left out by the camera itself"] if skipped else []
@@ -49,7 +53,7 @@ class CameraTiming:
         return {
             "late": self.late,
             "skipped": self.skipped,
-            "clock_restarts": max(0, self.restarts),
+            "clock_restarts": self.restarts,
             "latency_ns": self._latency_ns,
             "exposure_sigma_ns": self._sigma_ns,
         }
